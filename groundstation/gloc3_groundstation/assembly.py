@@ -19,12 +19,14 @@ from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 from gloc3.network.file import Membership
+from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.links.acoustic_route import Modem, attach_modem, open_modem
 from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.links.links import Links
 from gloc3_groundstation.links.network_route import role_of
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.vehicles import Vehicles
 from gloc3_groundstation.store.contact_queue import FILE as QUEUE_FILE
@@ -136,6 +138,25 @@ class GroundStation:
         folder = self.setup.record if is_kept else None
         self._queue = ContactQueue(self.station, None if folder is None else self._kept_in(folder, QUEUE_FILE))
         return self._queue
+
+    def desk(self, plan: CheckedPlan | None = None, *, is_queue_kept: bool = False, author: str = "") -> Desk:
+        """The operator's desk of the terminal, of scripts, and of a run without a screen.
+
+        Args:
+            plan: the selected mission, checked; None without one.
+            is_queue_kept: missions that wait for contact are kept over restarts, where there is a folder for them.
+            author: the operator's name, for logged actions.
+        """
+        queue = self.begin_queue(is_kept=is_queue_kept)
+        return Desk(
+            self.station,
+            plan,
+            events=self.events,
+            services=self.services,
+            links=self.links,
+            queue=queue,
+            author=author,
+        )
 
     def parts(self) -> tuple[str, ...]:
         """The names of the parts that this station has, in the order in which they were made."""

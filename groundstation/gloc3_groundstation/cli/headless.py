@@ -1,19 +1,21 @@
 """The station without a screen: sends a mission, starts it, narrates on stderr; stdout is data."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
-from typing import Final
+from typing import Final, Never
 
 from gloc3.errors import Gloc3Error, NoContact
 from gloc3.exchange.base import Unsubscribe
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.cli.script import ScriptCommand
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.desk.flights import End
+from gloc3_groundstation.desk.flights import End, FarAway
+from gloc3_groundstation.desk.vehicle_commands import VehicleCommand, VehicleCommands
 from gloc3_groundstation.missions.plans import CheckedPlan
-from gloc3_groundstation.reporting.lines import CommandData, NarrationLine, ResultData
+from gloc3_groundstation.reporting.lines import CommandData, NarrationLine, OrderData, ResultData
 from gloc3_groundstation.reporting.narration import ChangeNarrator
+from gloc3_groundstation.reporting.outcomes import RunOutcome, outcome_of
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.wording import duration
@@ -60,7 +62,9 @@ class Headless:
         self._commands.append(command)
         self._send_due()
 
-    async def fly(self, plan: CheckedPlan, wait_s: float, override: str = "", author: str = "") -> End:
+    async def fly(
+        self, plan: CheckedPlan, wait_s: float, override: str = "", author: str = "", *, is_far_ok: bool = False
+    ) -> End:
         """Flies a mission to its end.
 
         Args:
@@ -68,6 +72,7 @@ class Headless:
             wait_s: how long to wait for contact with the platform, and then for it to be ready.
             override: reason to start although checks have failed; empty to refuse then.
             author: author of the override.
+            is_far_ok: whether its first waypoint may be kilometres from the vehicle.
 
         Raises:
             Gloc3Error: the platform is not in contact, or refused a request.
@@ -75,12 +80,18 @@ class Headless:
         station = self._station
         self._begin()
         try:
-            names = [await self._found(wait_s, wanted) for wanted in plan.platforms or (self._platform,)]
+            names = [
+                await self._found(wait_s, wanted or "", flights.await_platform(station, wanted))
+                for wanted in plan.platforms or (self._platform,)
+            ]
             for name in names:
                 missing = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
                 if missing:
                     self.narrate(f"{name} still lacks {', '.join(missing)}; the vehicle decides whether it starts")
-            await flights.stream_to_all(station, names, plan)
+            try:
+                await flights.stream_to_all(station, names, plan, is_far_ok=is_far_ok)
+            except FarAway as refusal:
+                raise FarAway(f"{refusal}; --far-away-ok uploads it all the same") from None
             began_s = station.now_s()
             followers = await flights.start_all(station, names, override, author, wait_s)
             self._flying = names, station.now_s()
@@ -95,6 +106,42 @@ class Headless:
             whose = names[0] if len(names) == 1 else ""
             self._report(self._narrator.line(whose, "result", text, station.now_s(), data))
             return end
+        finally:
+            self.close()
+
+    async def do(
+        self, commands: VehicleCommands, orders: Sequence[VehicleCommand], wait_s: float, within_s: float
+    ) -> RunOutcome:
+        """Commands the vehicle, one command after the other, up to the first that is not done.
+
+        Args:
+            commands: carries them out.
+            orders: the commands.
+            wait_s: how long to wait for contact with the vehicle, and for it to be ready, s.
+            within_s: the time for each command to be done, s.
+
+        Raises:
+            Gloc3Error: the vehicle is not in contact.
+        """
+        self._begin()
+        try:
+            wanted = self._platform or ""
+            name = await self._found(wait_s, wanted, flights.await_vehicle(self._station, wanted))
+            for number, order in enumerate(orders, 1):
+                outcome, text = RunOutcome.DONE, ""
+                try:
+                    text = await commands.carry_out(name, order, ready_s=wait_s, within_s=within_s)
+                except Gloc3Error as error:
+                    outcome, text = outcome_of(error), str(error)
+                is_done = outcome is RunOutcome.DONE
+                left = ", ".join(map(str, orders[number:])) if not is_done else ""
+                shown = f"{order}: {outcome.replace('_', ' ')}: {text}" + (f"; not sent: {left}" if left else "")
+                data = OrderData(command=str(order), outcome=outcome, reason="" if is_done else text)
+                shown = shown if is_done else f"error: {shown}"
+                self._report(self._narrator.line(name, "order", shown, self._station.now_s(), data))
+                if not is_done:
+                    return outcome
+            return RunOutcome.DONE
         finally:
             self.close()
 
@@ -144,10 +191,11 @@ class Headless:
                     station, lambda: not any(station.feed.is_behind(name, station.now_s()) for name in names)
                 )
 
-    async def watch(self) -> None:
+    async def watch(self) -> Never:
         """Narrates until it is cancelled."""
         async with self.narrating():
-            await self._loop.create_future()
+            while True:
+                await self._loop.create_future()
 
     @asynccontextmanager
     async def narrating(self) -> AsyncIterator[None]:
@@ -178,10 +226,11 @@ class Headless:
         self._unlisten = self._station.listen(self._changed)
         self._report_progress()
 
-    async def _found(self, wait_s: float, wanted: str | None) -> str:
+    async def _found(self, wait_s: float, wanted: str, contact: Awaitable[str]) -> str:
+        """Waits for contact with a platform."""
         try:
             async with asyncio.timeout(wait_s):
-                return await flights.await_platform(self._station, wanted)
+                return await contact
         except TimeoutError:
             who = wanted or "a platform"
             others = ", ".join(platform.name for platform in self._station.fleet)

@@ -19,6 +19,7 @@ from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.cli.headless import Headless
 from gloc3_groundstation.cli.run_output import RunOutput
 from gloc3_groundstation.cli.script import ScriptCommand, parse_command, read_lines
+from gloc3_groundstation.desk.vehicle_commands import VehicleCommand
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.reporting.outcomes import RunOutcome, findings_of, outcome_of
 from gloc3_groundstation.station import wording
@@ -62,6 +63,12 @@ class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Brings the mission over at the next contact, however long that takes, and starts nothing."""
     commands: tuple[ScriptCommand, ...] = ()
     """Sent at their times after the start."""
+    orders: tuple[VehicleCommand, ...] = ()
+    """Commands to the vehicle, one after the other, without a mission."""
+    within_s: float = 120.0
+    """The time for each of them to be done."""
+    is_far_ok: bool = False
+    """The mission's first waypoint may be kilometres from the vehicle."""
     commands_from: int | None = None
     """A file descriptor from which further commands are read, a line each; None for none."""
 
@@ -103,26 +110,21 @@ class Session:
             if requested.problem:
                 run.narrate(requested.problem, Severity.WARNING)
             run.narrate(f"listening on {ground.links.describe()}")
-            work = asyncio.ensure_future(
-                run.watch()
-                if requested.plan is None
-                else self._leave(run, requested.plan, ground)
-                if options.is_at_contact
-                else self._fly(run, requested.plan, options)
-            )
+            work = asyncio.ensure_future(self._work(run, ground, options))
             loop = asyncio.get_running_loop()
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.add_signal_handler(number, work.cancel)
             with _commanded(run, options):
                 try:
-                    return await work or RunOutcome.DONE
+                    return await work
                 except Gloc3Error as error:
                     run.narrate(str(error), Severity.ERROR)
                     output.findings(findings_of(error))
                     return outcome_of(error)
                 except asyncio.CancelledError:
                     run.narrate(wording.farewell(ground.station.fleet))
-                    return RunOutcome.DONE if requested.plan is None else RunOutcome.INTERRUPTED
+                    is_watching = requested.plan is None and not options.orders
+                    return RunOutcome.DONE if is_watching else RunOutcome.INTERRUPTED
 
     async def show(self, options: TerminalOptions, keep: Callable[[Configuration], bool]) -> int:
         """Opens the terminal.
@@ -142,7 +144,7 @@ class Session:
         async with self._ground() as ground:
             station = ground.station
             app = StationApp(
-                self._desk(ground),
+                ground.desk(requested.plan, is_queue_kept=True, author=operator()),
                 requested.configuration,
                 Opening(
                     platform=requested.platform,
@@ -176,18 +178,18 @@ class Session:
                 return app.return_code or int(options.is_closing)
             return end.exit_code
 
-    def _desk(self, ground: GroundStation) -> "Desk":
-        from gloc3_groundstation.desk.desk import Desk
-
-        return Desk(
-            ground.station,
-            self._options.plan,
-            events=ground.events,
-            services=ground.services,
-            links=ground.links,
-            queue=ground.begin_queue(is_kept=True),
-            author=operator(),
-        )
+    async def _work(self, run: Headless, ground: GroundStation, options: HeadlessOptions) -> RunOutcome:
+        """What a run without a terminal is for."""
+        plan = self._options.plan
+        if options.orders:
+            return await run.do(ground.desk().commands, options.orders, options.wait_s, options.within_s)
+        if plan is None:
+            return await run.watch()
+        if options.is_at_contact:
+            return await self._leave(run, plan, ground)
+        author = operator() if options.override else ""
+        end = await run.fly(plan, options.wait_s, options.override, author, is_far_ok=options.is_far_ok)
+        return outcome_of(end)
 
     async def _leave(self, run: Headless, plan: CheckedPlan, ground: GroundStation) -> RunOutcome:
         """Queues a mission, and waits until it is there.
@@ -201,11 +203,6 @@ class Session:
         if error is not None:
             raise error
         return RunOutcome.DONE
-
-    @staticmethod
-    async def _fly(run: Headless, plan: CheckedPlan, options: HeadlessOptions) -> RunOutcome:
-        author = operator() if options.override else ""
-        return outcome_of(await run.fly(plan, options.wait_s, options.override, author))
 
     @asynccontextmanager
     async def _ground(self) -> AsyncIterator[GroundStation]:

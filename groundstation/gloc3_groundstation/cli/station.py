@@ -3,6 +3,7 @@
 import asyncio
 import secrets
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -20,6 +21,7 @@ from gloc3_groundstation.web.server import HOST, PORT, WebOptions
 
 if TYPE_CHECKING:
     from gloc3_groundstation.assembly import StationSetup
+    from gloc3_groundstation.desk.vehicle_commands import VehicleCommand
     from gloc3_groundstation.store.configuration import Configuration
 
 FLAG: Final = Parameter(negative=(), show_default=False)
@@ -47,6 +49,7 @@ app = App(
     - `gloc3 station --mission inspection`: stream a mission; the key s starts it
     - `gloc3 station --headless --mission my.yaml --json`: fly it from a script; stdout is data, stderr is narration
     - `gloc3 station --headless --mission my.yaml --command pause@30s --command resume@40s`: command it from a script
+    - `gloc3 station --headless --platform 1 --do arm --do "take_off 5" --do land`: command a vehicle without a companion
     - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
     - `gloc3 station --web`: in a browser, with the same keys
 
@@ -74,7 +77,7 @@ class StationOptions:
     this computer only; udpin://0.0.0.0:14550 receives from the network."""
     platform: str | None = None
     """The platform to command, by name; otherwise the first that is heard. With its platform file instead, the mission
-    is checked by that file, too."""
+    is checked by that file, too. With --do also the MAVLink system of a vehicle without a companion."""
     headless: Annotated[bool, FLAG] = False
     """No terminal: narrate on stderr. Without --mission it monitors until Ctrl-C."""
     json: Annotated[bool, FLAG] = False
@@ -92,6 +95,16 @@ class StationOptions:
     commands: Annotated[bool, FLAG] = False
     """With --headless and a --mission: reads such commands as lines from stdin. Without @SECONDS they are sent as they
     come, at the start at the earliest."""
+    do: Annotated[list[str] | None, Parameter(negative=())] = None
+    """With --headless and a --platform: commands the vehicle, each awaited until telemetry shows it done; may be given
+    again. Without a companion: arm, disarm, "take_off HEIGHT", hold, return, land, "go_to LATITUDE LONGITUDE HEIGHT",
+    "speed M_S", "mode NAME", start_plan, pause_plan, reboot. With one: take_off, hold, return, land and go_to as single
+    actions. The first that is refused or not done ends the run."""
+    within: float = 120.0
+    """With --do: the time for each command to be done, s."""
+    far_away_ok: Annotated[bool, FLAG] = False
+    """With --headless and a --mission: upload it although its first waypoint is 2 km or more from the vehicle, which is
+    refused otherwise; the terminal asks."""
     at_contact: Annotated[bool, FLAG] = False
     """With --headless: stream the mission at the next contact with --platform, without a time limit, and do not
     start it. In the terminal the key u queues it while the vehicle is out of contact."""
@@ -217,6 +230,9 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
             wait_s=options.wait,
             override=options.override,
             is_at_contact=options.at_contact,
+            orders=_orders(options.do or ()),
+            within_s=options.within,
+            is_far_ok=options.far_away_ok,
             commands=tuple(parse_command(text) for text in options.command or ()),
             commands_from=sys.stdin.fileno() if options.commands else None,
         )
@@ -278,6 +294,14 @@ def _check(options: StationOptions) -> None:
         raise Refused("--command and --commands go with --headless and a --mission that is started")
     for text in options.command or ():
         parse_command(text)
+    if options.do and (not options.headless or options.mission is not None or options.platform is None):
+        raise Refused("--do goes with --headless and a --platform, and without a --mission")
+    if options.do:
+        _orders(options.do)
+    if options.far_away_ok and not (is_flying and not options.at_contact):
+        raise Refused("--far-away-ok goes with --headless and a --mission that is started; the terminal asks")
+    if not 0.0 < options.within < float("inf"):
+        raise Refused("--within must be above 0 seconds")
     if not 0.0 < options.wait < float("inf"):
         raise Refused("--wait must be above 0 seconds")
     if options.station_id is not None and not 200 <= options.station_id <= 255:
@@ -290,6 +314,19 @@ def _check(options: StationOptions) -> None:
     for name, port in (("foxglove", options.foxglove_port), ("web", options.web_port)):
         if not 0 <= port <= 65535:
             raise Refused(f"--{name}-port must be from 0 to 65535")
+
+
+def _orders(texts: Sequence[str]) -> "tuple[VehicleCommand, ...]":
+    """The commands of `--do`.
+
+    Raises:
+        Refused: one is none.
+    """
+    if not texts:
+        return ()
+    from gloc3_groundstation.desk.vehicle_commands import parse_vehicle_command
+
+    return tuple(map(parse_vehicle_command, texts))
 
 
 def _setup(options: StationOptions, configuration: "Configuration") -> "StationSetup":

@@ -17,5 +17,6 @@ __all__ = [
     "service_jobs",
     "services_desk",
     "teleoperation",
+    "vehicle_commands",
     "vehicle_desk",
 ]

@@ -78,33 +78,35 @@ class AutopilotDesk:
         return await self.act(platform.name, EMERGENCIES[verb])
 
     async def act(self, name: str, action: Action, typed: str = "") -> bool:
-        """Commands a vehicle.
+        """Commands a vehicle; arguments as of `command`. Returns whether the autopilot has accepted it."""
+        try:
+            await self.command(name, action, typed)
+        except Gloc3Error as error:
+            self._station.note(name, Severity.ERROR, f"{in_words(action, typed)}: {error}")
+            return False
+        return True
+
+    async def command(self, name: str, action: Action, typed: str = "") -> None:
+        """Commands a vehicle, whose autopilot has accepted it at the end.
 
         Args:
             name: of the vehicle.
             action: the command.
             typed: its values, as `OFFERS` names them.
 
-        Returns:
-            Whether the autopilot has accepted it.
+        Raises:
+            Refused: this station may not, a value is wrong, or the autopilot refuses.
         """
-        words = f"{action}{f' {typed}' if typed else ''}".replace("_", " ")
         platform = self._station.fleet.get(name)
-        try:
-            self._require_control(platform, action)
-            if platform is not None and platform.has_companion:
-                self._station.note(name, Severity.WARNING, BY_ITSELF)
-            services = self._services.vehicle(name).services
-            if action is Action.MODE:
-                await services.actions.set_mode(typed)
-            else:
-                values = values_of(action, typed, platform)
-                await services.actions.act(action, *values)
-        except Gloc3Error as error:
-            self._station.note(name, Severity.ERROR, f"{words}: {error}")
-            return False
-        self._station.note(name, Severity.NOTICE, f"{words}: accepted by the autopilot")
-        return True
+        self._require_control(platform, action)
+        if platform is not None and platform.has_companion:
+            self._station.note(name, Severity.WARNING, BY_ITSELF)
+        services = self._services.vehicle(name).services
+        if action is Action.MODE:
+            await services.actions.set_mode(typed)
+        else:
+            await services.actions.act(action, *values_of(action, typed, platform))
+        self._station.note(name, Severity.NOTICE, f"{in_words(action, typed)}: accepted by the autopilot")
 
     def _require_control(self, platform: PlatformSnapshot | None, action: Action) -> None:
         """Checks who asks: in place of a silent companion the station that was in control, and every operator for hold.
@@ -121,6 +123,11 @@ class AutopilotDesk:
         if holder != station.id:
             whose = f"station {holder} was" if holder else "nobody was"
             raise Refused(f"{whose} in control when its onboard process fell silent: this station may send hold alone")
+
+
+def in_words(action: Action, typed: str) -> str:
+    """`take off 5`."""
+    return f"{action}{f' {typed}' if typed else ''}".replace("_", " ")
 
 
 def values_of(action: Action, typed: str, platform: PlatformSnapshot | None) -> tuple[float, ...]:

@@ -15,10 +15,12 @@ from gloc3_groundstation.desk.autopilot_desk import AutopilotDesk
 from gloc3_groundstation.desk.component_desk import ComponentDesk
 from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.fleet_desk import FleetDesk, LinkStore
-from gloc3_groundstation.desk.flights import End, Follower
+from gloc3_groundstation.desk.flights import End, FarAway, Follower
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.desk.preflight_desk import PreflightDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
+from gloc3_groundstation.desk.vehicle_commands import VehicleCommands
+from gloc3_groundstation.missions.first_waypoint import far_away
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
@@ -84,6 +86,8 @@ class Desk:
         self.services: Final = services or ServicesDesk(station)
         self.autopilots: Final = AutopilotDesk(station, self.services)
         """Commands vehicles without a companion, or with a silent one."""
+        self.commands: Final = VehicleCommands(station, self.autopilots, self.missions)
+        """Commands of a script, each awaited until it is done."""
         self.preflight: Final = PreflightDesk(station)
         self.queue: Final = queue or ContactQueue(station)
         """Missions that wait for the next contact."""
@@ -91,6 +95,8 @@ class Desk:
         self.gamepad = ""
         """The device of a gamepad; empty for none."""
         self._streamed: dict[str, tuple[int, str]] = {}
+        self._far_ok: set[tuple[str, str]] = set()
+        """Platforms and missions whose distance the operator has confirmed."""
         self._held_s: dict[str, float] = {}
         self._alerts = Alerts()
 
@@ -159,12 +165,35 @@ class Desk:
             if self._is_silent(one):
                 self.queue.add(one, plan)
                 continue
-            if not await self._do(one, "stream", flights.stream(self.station, one, plan)):
+            if not await self._do(one, "stream", self._send(one, plan)):
                 return False
             platform = self.station.fleet.get(one)
             if platform is not None:
                 self._streamed[one] = platform.boot, plan.text
         return True
+
+    async def _send(self, name: str, plan: CheckedPlan) -> None:
+        try:
+            await flights.stream(self.station, name, plan, is_far_ok=(name, plan.text) in self._far_ok)
+        except FarAway as refusal:
+            raise FarAway(f"{refusal}; the key u asks whether to upload it all the same") from None
+
+    def far_away(self, name: str, move: Move) -> str:
+        """Says that the mission that a move would send begins kilometres from its vehicle; else empty."""
+        plan = self.plan
+        if plan is None or move not in (Move.STREAM, Move.START):
+            return ""
+        for one in self._crew(name):
+            is_sent = move is Move.STREAM or self._needs_streaming(one)
+            is_asked = is_sent and (one, plan.text) not in self._far_ok
+            if is_asked and (distance := far_away(plan.text, plan.title, self.station.fleet.get(one))):
+                return distance
+        return ""
+
+    def allow_far(self, name: str) -> None:
+        """Confirms the distance of the selected mission."""
+        if self.plan is not None:
+            self._far_ok |= {(one, self.plan.text) for one in self._crew(name)}
 
     def _is_silent(self, name: str) -> bool:
         """Whether a platform that was in contact is silent."""

@@ -11,6 +11,7 @@ from gloc3.messages.command_interface import Verb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import WELL, MissionSummary
 from gloc3.mission.model.states import ENDED, ENDED_BY_FAILSAFE, ActionState
+from gloc3_groundstation.missions.first_waypoint import far_away
 from gloc3_groundstation.missions.plans import CheckedPlan, recheck
 from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
@@ -29,6 +30,10 @@ LANDED_S: Final = 5.0
 """Time disarmed on the ground after which a flight taken over by a pilot counts as ended, s."""
 TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe"}
 """Who may end a flight in place of its mission, by the word with which the mission's policy or reason says so."""
+
+
+class FarAway(Refused):
+    """The first waypoint of a mission is kilometres from the vehicle."""
 
 
 class End(msgspec.Struct, frozen=True, kw_only=True):
@@ -89,6 +94,33 @@ async def await_platform(station: Station, name: str | None) -> str:
     return found[0]
 
 
+async def await_vehicle(station: Station, wanted: str) -> str:
+    """Waits for contact with a vehicle, with or without a companion.
+
+    Args:
+        station: the station.
+        wanted: its name, or the MAVLink system of its autopilot.
+
+    Raises:
+        Refused: several vehicles have that system.
+    """
+    found: list[str] = []
+
+    def is_in_contact() -> bool:
+        found[:] = [platform.name for platform in station.fleet if platform.is_known and _is_called(platform, wanted)]
+        return bool(found)
+
+    await until(station, is_in_contact)
+    if len(found) > 1:
+        raise Refused(f"several vehicles have system {wanted}: {', '.join(found)}; name one")
+    return found[0]
+
+
+def _is_called(platform: PlatformSnapshot, wanted: str) -> bool:
+    system = platform.autopilot.system if platform.autopilot is not None else 0
+    return wanted in (platform.name, str(system)) and platform.vehicle is not None
+
+
 async def await_ready(station: Station, platform: str, within_s: float = READY_WITHIN_S) -> list[str]:
     """Waits until a platform is ready for a start; returns the conditions that it does not meet at the timeout."""
     lacks: list[str] = []
@@ -132,11 +164,18 @@ def _holder(station: Station, platform: str) -> str:
     return known.control.value.holder if known is not None and known.control is not None else ""
 
 
-async def stream(station: Station, platform: str, plan: CheckedPlan) -> None:
+async def stream(station: Station, platform: str, plan: CheckedPlan, *, is_far_ok: bool = False) -> None:
     """Checks the mission for its platform, takes control, and brings it over, read back and compared.
+
+    Args:
+        station: commands the platform.
+        platform: its name.
+        plan: the mission.
+        is_far_ok: whether its first waypoint may be kilometres from the vehicle.
 
     Raises:
         InputError: it may not fly there; otherwise as `CommandClient.upload`.
+        FarAway: its first waypoint is kilometres away.
     """
     received = station.fleet.get(platform)
     if received is not None:
@@ -145,6 +184,10 @@ async def stream(station: Station, platform: str, plan: CheckedPlan) -> None:
         plan = recheck(plan, platform)
     for warning in plan.warnings:
         station.note(platform, Severity.WARNING, warning)
+    if distance := far_away(plan.text, plan.title, received):
+        if not is_far_ok:
+            raise FarAway(distance)
+        station.note(platform, Severity.WARNING, distance)
     await request_control(station, platform)
     started_s = station.now_s()
     await station.client.upload(platform, plan.name, plan.text)
@@ -153,10 +196,12 @@ async def stream(station: Station, platform: str, plan: CheckedPlan) -> None:
     station.note(platform, Severity.INFO, f"{plan.title!r} is loaded and read back ({size} bytes in {elapsed_s:.1f} s)")
 
 
-async def stream_to_all(station: Station, platforms: Sequence[str], plan: CheckedPlan) -> None:
-    """Brings a mission to all platforms that have a part in it; raises as `stream`."""
+async def stream_to_all(
+    station: Station, platforms: Sequence[str], plan: CheckedPlan, *, is_far_ok: bool = False
+) -> None:
+    """Brings a mission to all platforms that have a part in it; arguments and errors as of `stream`."""
     for platform in platforms:
-        await stream(station, platform, plan)
+        await stream(station, platform, plan, is_far_ok=is_far_ok)
 
 
 async def start_all(

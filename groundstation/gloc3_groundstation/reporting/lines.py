@@ -93,6 +93,17 @@ class CommandData(msgspec.Struct, frozen=True, kw_only=True):
     """Why it was refused."""
 
 
+class OrderData(msgspec.Struct, frozen=True, kw_only=True):
+    """What has become of a command of `--do`."""
+
+    command: str
+    """As `take off 5`."""
+    outcome: str
+    """`done`, `failed`, `refused` or `not_heard`."""
+    reason: str
+    """Why it is not done."""
+
+
 class ResultData(msgspec.Struct, frozen=True, kw_only=True):
     """The end of the mission."""
 
@@ -116,6 +127,7 @@ KINDS: Final[Mapping[str, type[msgspec.Struct]]] = {
     "action": ItemData,
     "progress": ProgressData,
     "command": CommandData,
+    "order": OrderData,
     "finding": Finding,
     "result": ResultData,
     "end": NoData,

@@ -145,7 +145,7 @@ class ContactQueue:
         if held is not None and held.digest == digest_of(queued.plan.text) and held.state == "waiting":
             self._note(queued.platform, Severity.INFO, f"{queued.plan.title!r} is there already")
             return
-        await flights.stream(self._station, queued.platform, queued.plan)
+        await flights.stream(self._station, queued.platform, queued.plan, is_far_ok=True)  # it is not started
 
     def _is_sending(self, name: str) -> bool:
         """Whether a platform is busy with a mission that cannot be replaced."""

@@ -22,6 +22,7 @@ from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.browser_driver import BrowserDriver
 from gloc3_groundstation.tui.dialogues.questions import (
     ABORT_QUESTION,
+    FAR_QUESTION,
     LEAVE_QUESTION,
     START_QUESTION,
     UNSAVED_QUESTION,
@@ -251,6 +252,13 @@ class StationApp(App[End | None]):
         if move is Move.ABORT:
             question = ABORT_QUESTION.format(platform.name, self.desk.missions.after_abort(platform))
             self.confirm(question, "abort", lambda: self.do(work()))
+        elif distance := self.desk.far_away(platform.name, move):
+
+            def allowed() -> None:
+                self.desk.allow_far(platform.name)
+                self.action_move(name)
+
+            self.confirm(FAR_QUESTION.format(distance[0].upper() + distance[1:]), "upload", allowed)
         elif move is Move.START and not platform.is_armed:
             question = START_QUESTION.format(self.desk.mission_to_start(platform), platform.name)
             self.confirm(question, "start", lambda: self.do(work()))

@@ -15,7 +15,7 @@ from gloc3.messages.command_interface import Control, Outcome, Steer
 from gloc3.messages.summaries import ControlState, Health, MissionSummary
 from gloc3.mission.model.states import ENDED_BY_FAILSAFE
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.desk.flights import End, Follower
+from gloc3_groundstation.desk.flights import End, FarAway, Follower
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.command_client import Declined
 from gloc3_groundstation.station.snapshots import PlatformSnapshot, Timed
@@ -83,6 +83,27 @@ def test_a_start_waits_until_the_origin_is_known_which_px4_tells_only_when_it_is
         platform.loop.call_later(2.0, setattr, platform, "vehicle", VEHICLE)
         assert not await flights.await_ready(station, "heron", 10.0)
         assert 2.0 < station.now_s() < 4.0
+
+    with_station(play)
+
+
+FAR = """mission: survey
+frame: geo
+tasks:
+  all: {actions: {up: {take_off: {height_m: 9}}, go: {go_to: {position: [43.2, 9.2, 9]}, after: [up]}}}
+"""
+
+
+def test_a_mission_that_begins_kilometres_away_is_uploaded_only_where_that_is_meant() -> None:
+    plan = CheckedPlan(name="far.yaml", title="survey", text=FAR)
+
+    async def play(station: Station, platform: ScriptedPlatform) -> None:
+        await flights.await_platform(station, "heron")
+        with pytest.raises(FarAway, match=r"the first waypoint of 'survey' is 11\.1 km from heron"):
+            await flights.stream(station, "heron", plan)
+        assert (platform.text, platform.control.holder) == ("", ""), "nothing was requested"
+        await flights.stream(station, "heron", plan, is_far_ok=True)
+        assert platform.text == FAR
 
     with_station(play)
 

@@ -10,6 +10,7 @@ from textual.widgets import Input
 from gloc3.messages.command_interface import LoadMission, Steer, Verb
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.model import digest_of
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.tui.dialogues.mission_files import OpenMission
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.screens.mission import MissionScreen
@@ -73,6 +74,36 @@ async def _steer(here: Scene, key: str, verb: Verb, state: str) -> None:
     await here.wait(lambda: Steer(verb=verb) in here.platform.requests)
     here.platform.advance(state, {"sweep.wall": 0.5}, sweep=state, sweep__wall=state)
     await here.until("graph", state)
+
+
+def has_event(here: Scene, text: str) -> bool:
+    return any(text in event.text for event in here.station.fleet.events)
+
+
+FAR = """mission: survey
+frame: geo
+tasks:
+  all: {actions: {up: {take_off: {height_m: 9}}, go: {go_to: {position: [43.2, 9.2, 9]}, after: [up]}}}
+"""
+
+
+async def test_a_mission_that_begins_kilometres_away_is_asked_about_before_it_is_uploaded() -> None:
+    async with scene(CheckedPlan(name="far.yaml", title="survey", text=FAR)) as here:
+        here.platform.speak_every(0.3)
+        await here.until("title", "heron")
+        await here.wait(lambda: has_event(here, "the key u asks whether"))  # the upload at the begin
+        await here.go("3")
+        for answer in "ny":
+            assert not here.requested(LoadMission)
+            await here.press("u")
+            await here.shows(YesNoQuestion)
+            await here.press(answer)
+            await here.wait(lambda: not isinstance(here.app.screen, YesNoQuestion))
+        await here.wait(lambda: has_event(here, "is loaded and read back"))
+        await here.press("s")
+        await here.shows(YesNoQuestion)
+        await here.press("y")
+        await here.wait(lambda: Steer(verb=Verb.START) in here.platform.requests)
 
 
 async def test_a_link_is_lost_and_regained_and_every_screen_says_so() -> None:

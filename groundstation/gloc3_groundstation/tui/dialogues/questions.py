@@ -14,6 +14,7 @@ from gloc3_groundstation.services.actions import Action
 
 START_QUESTION: Final = "Start {} on {}?\nIt arms and starts moving."
 ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled; {}."
+FAR_QUESTION: Final = "{}.\nUpload it all the same?"
 LEAVE_QUESTION: Final = (
     "{} is armed and controlled by this station.\nWithout it, the mission's on_link_loss policy applies."
 )

@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar, cast
 
 import yaml
 
+from gloc3.amounts import beside
 from gloc3.documents import schema
 from gloc3.documents.yaml_nodes import YamlNode, build, place_of, stays_text
 from gloc3.errors import Finding, InputError, NotFound
@@ -210,6 +211,6 @@ def _scalar(value: str | float | bool | None, _exactly: str) -> str:
 def _too_large(file: str, size: int, limit: int) -> Finding:
     return Finding(
         file=file,
-        message=f"{size / 1e6:.1f} MB is too large: the limit is {limit / 1e6:g} MB",
+        message=f"{beside(size / 1e6, limit / 1e6)} MB is too large: the limit is {limit / 1e6:g} MB",
         hint="is this the right file?",
     )

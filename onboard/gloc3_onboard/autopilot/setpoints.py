@@ -8,6 +8,7 @@ that yaw.
 import math
 from typing import Final
 
+from gloc3.amounts import beside
 from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3, yaw_of
@@ -171,4 +172,4 @@ class ControlLead:
         """Reports late setpoints, after which the autopilot has acted on its own."""
         state = self._telemetry.state
         if limit_s < gap_s < FORGOTTEN_S and state.is_armed and state.mode is FlightMode.GUIDED:
-            self.gap = f"no setpoint for {gap_s:.1f} s: the autopilot acts after {limit_s:g} s without one"
+            self.gap = f"no setpoint for {beside(gap_s, limit_s)} s: the autopilot acts after {limit_s:g} s without one"

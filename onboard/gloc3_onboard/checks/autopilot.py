@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Final
 
+from gloc3.amounts import beside
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.vehicle import AutopilotState, VehicleClass
 from gloc3_onboard.autopilot.health_words import UNHEALTHY
@@ -78,7 +79,7 @@ def _battery(readings: Readings, state: AutopilotState) -> Check:
         return Check(GROUP, "battery", Verdict.WARNING, "it does not report the remaining charge", advice)
     volts = f", {state.battery_v:.1f} V" if state.battery_v > 0.0 else ""
     if left < reserve:
-        finding = f"{100.0 * left:.0f} %{volts}, below the platform's reserve of {100.0 * reserve:.0f} %"
+        finding = f"{beside(100.0 * left, 100.0 * reserve, 0)} %{volts}, below the platform's reserve of {100.0 * reserve:.0f} %"
         return Check(GROUP, "battery", Verdict.RED, finding, "change or charge the battery")
     return Check(GROUP, "battery", Verdict.OK, f"{100.0 * left:.0f} %{volts}")
 

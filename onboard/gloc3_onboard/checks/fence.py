@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import ceil, floor, hypot
 from typing import Final
 
+from gloc3.amounts import beside
 from gloc3.messages.frames import Vector3
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.readiness import AutopilotSetup
@@ -121,7 +122,7 @@ def _ceiling(setup: AutopilotSetup, fence: FenceTable, mission: Mission, home_ne
     kinds = int(setup.parameters.get(fence.kinds, 0.0))
     is_selected = bool(kinds & limit.kind) if limit.kind else value > 0.0
     if is_selected and value <= ceiling_m:
-        finding = f"{ceiling_m:.1f} m above home; the autopilot keeps {value:g} m ({limit.parameter})"
+        finding = f"{beside(ceiling_m, value)} m above home; the autopilot keeps {value:g} m ({limit.parameter})"
         yield Check(GROUP, "ceiling", Verdict.OK, finding)
         return
     limiter = "GLOC3's limiter alone keeps it"
@@ -132,7 +133,7 @@ def _ceiling(setup: AutopilotSetup, fence: FenceTable, mission: Mission, home_ne
     )
     advice = f"set {limit.parameter} to {floor(ceiling_m)}"
     advice += f" and {fence.kinds} to {kinds | limit.kind}" if not is_selected and limit.kind else ""
-    finding = f"the mission's ceiling is {ceiling_m:.1f} m above home, and {theirs}"
+    finding = f"the mission's ceiling is {beside(ceiling_m, value)} m above home, and {theirs}"
     yield Check(GROUP, "ceiling", Verdict.WARNING, finding, advice)
 
 

@@ -5,6 +5,7 @@ from itertools import pairwise
 from math import ceil, dist, floor
 from typing import Final
 
+from gloc3.amounts import beside
 from gloc3.messages.frames import Vector3
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.readiness import AutopilotSetup
@@ -72,14 +73,17 @@ def _height(
     unit_m = own.heights[name]
     height_m = setup.parameters[name] * unit_m
     if height_m > room_m - limits.margin_m + 1e-6:
-        finding = f"{why} climbs to {height_m:g} m above home; the mission's ceiling is {room_m:.1f} m above it"
+        finding = (
+            f"{why} climbs to {height_m:g} m above home; the mission's ceiling is {beside(room_m, height_m)} m above it"
+        )
         most_m = max(floor(10.0 * (room_m - limits.margin_m)) / 10.0, LEAST_HEIGHT_M)
         advice = f"set {name} to {most_m / unit_m:g} or less, which is {most_m:g} m, or raise the ceiling"
         yield Check(GROUP, "own return: height", Verdict.RED, finding, advice)
     climb = next((one for one in own.climbs if one in setup.parameters), None)
     climb_m = setup.parameters[climb] * own.climbs[climb] if climb is not None else 0.0
     if climb is not None and climb_m > 0.0 and (top_m := reach_m(mission, limits, home)["up"] + climb_m) > room_m:
-        finding = f"{why} climbs by {climb_m:g} m, to {top_m:.1f} m above home; the ceiling is {room_m:.1f} m above it"
+        top = beside(top_m, room_m)
+        finding = f"{why} climbs by {climb_m:g} m, to {top} m above home; the ceiling is {room_m:.1f} m above it"
         yield Check(GROUP, "own return: climb", Verdict.RED, finding, f"set {climb} to 0")
 
 

@@ -6,6 +6,7 @@ from typing import Final
 
 import msgspec
 
+from gloc3.amounts import beside, excess
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S, POSE_LATE_S, POSE_LOST_S
@@ -223,9 +224,13 @@ class VehicleState:
         if self.known_autopilot is not None:  # else it stays as it was
             left = self.known_autopilot.battery_remaining
             is_low = 0.0 <= left < self._reserve
-            yield PolicyCondition.LOW_BATTERY, is_low, f"{100.0 * left:.0f} % is left" if is_low else ""
+            yield (
+                PolicyCondition.LOW_BATTERY,
+                is_low,
+                f"{beside(100.0 * left, 100.0 * self._reserve, 0)} % is left" if is_low else "",
+            )
         by_m = 0.0
         if fence is not None and self.pose is not None and is_airborne and is_fresh:
             by_m = -fence.clearance_m(self.pose.position_ned_m)
         is_out = by_m > 0.0
-        yield PolicyCondition.FENCE_BREACHED, is_out, f"{by_m:.1f} m outside" if is_out else ""
+        yield PolicyCondition.FENCE_BREACHED, is_out, f"{excess(by_m)} m outside" if is_out else ""

@@ -102,7 +102,7 @@ def test_plain_values_follow_the_core_schema_and_keys_stay_text(text: str, value
             *("[" + "0," * 60_000 + "0]", "f:1:100000: more than 50,000 values in one file"),
             marks=pytest.mark.thorough,
         ),
-        ("x" * 1_000_001, "f: 1.0 MB is too large: the limit is 1 MB (is this the right file?)"),
+        ("x" * 1_000_001, "f: 1.000001 MB is too large: the limit is 1 MB (is this the right file?)"),
     ],
     ids=lambda value: repr(value[:12]),
 )

@@ -272,7 +272,7 @@ def test_plans_that_cannot_be_read_are_refused_with_the_place(path: str, value: 
         (b'{"a": NaN}', "f: not usable JSON: NaN is not a finite number"),
         (b"[" * 100_000, "f: not usable JSON: nested too deeply"),
         (b'{"fileType": "Plan", "version": ' + b"1" * 5000 + b"}", "f: not usable JSON: "),
-        (b" " * 5_000_001, "f: 5.0 MB is too large: the limit is 5 MB (is this the right file?)"),
+        (b" " * 5_000_001, "f: 5.000001 MB is too large: the limit is 5 MB (is this the right file?)"),
         (b"[]", "f:1:1: not a plan file"),
     ],
     ids=lambda value: repr(value[:12]),

@@ -7,6 +7,7 @@ from typing import Any, Final
 import msgspec
 from msgspec import structs
 
+from gloc3.amounts import beside, excess
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame, TangentPlane, Vector3
@@ -282,9 +283,10 @@ def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
         return ""
     clearance_m = mission.fence.clearance_m(home_ned_m)
     if clearance_m < 0.0:
-        return f"home is {-clearance_m:.1f} m outside the fence"
+        return f"home is {excess(-clearance_m)} m outside the fence"
     if clearance_m < HOME_CLEARANCE_M:
-        return f"home is {clearance_m:.2f} m inside the fence; at least {HOME_CLEARANCE_M} m are needed"
+        inside = beside(clearance_m, HOME_CLEARANCE_M, 2)
+        return f"home is {inside} m inside the fence; at least {HOME_CLEARANCE_M} m are needed"
     return ""
 
 
@@ -395,14 +397,17 @@ def _energy(
     if power is None:
         return
     least_wh = (figures.least or figures).energy_wh
-    if figures.energy_wh > power.usable_wh:
-        is_certain = least_wh > power.usable_wh
+    usable_wh = power.usable_wh
+    if figures.energy_wh > usable_wh:
+        is_certain = least_wh > usable_wh
         needed = (
-            f"about {least_wh:.1f} Wh are needed" if is_certain else f"up to {figures.energy_wh:.1f} Wh may be needed"
+            f"about {beside(least_wh, usable_wh)} Wh are needed"
+            if is_certain
+            else f"up to {beside(figures.energy_wh, usable_wh)} Wh may be needed"
         )
         yield document.finding(
             ("mission",),
-            f"{needed}, but only {power.usable_wh:.1f} Wh of {power.battery_wh:g} Wh "
+            f"{needed}, but only {usable_wh:.1f} Wh of {power.battery_wh:g} Wh "
             f"may be used (reserve {100.0 * power.reserve:.0f} %)",
             "shorten the mission, or split it into several",
             is_warning=not is_certain,
@@ -411,7 +416,7 @@ def _energy(
     if answer(mission.policies.on_low_battery) == "return" and figures.return_wh > reserve_wh:
         yield document.finding(
             ("on_low_battery",),
-            f"the return from the farthest place takes {figures.return_wh:.1f} Wh, more than the reserve "
+            f"the return from the farthest place takes {beside(figures.return_wh, reserve_wh)} Wh, more than the reserve "
             f"of {reserve_wh:.1f} Wh",
             "set on_low_battery: land, or a larger reserve",
         )

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from math import dist
 from typing import Final
 
+from gloc3.amounts import beside
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, nearest
 from gloc3.messages.frames import Vector3
@@ -107,9 +108,7 @@ def path_findings(
     follows_wh = return_energy_wh(needed_s.end_ned_m, budget, power) if wanted.then == "return" else 0.0
     reserve_wh = power.battery_wh * power.reserve
     if (needed_wh := needed_s.energy_wh + follows_wh) > reserve_wh:
-        message = (
-            f"from the farthest place {name} takes {needed_wh:.1f} Wh, more than the reserve of {reserve_wh:.1f} Wh"
-        )
+        message = f"from the farthest place {name} takes {beside(needed_wh, reserve_wh)} Wh, more than the reserve of {reserve_wh:.1f} Wh"
         hint = "shorten it, or keep a larger reserve"
         yield document.finding(("on_low_battery",), message, hint, is_warning=True)
 

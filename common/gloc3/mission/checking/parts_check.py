@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from gloc3.amounts import excess
 from gloc3.errors import Finding
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.mission.formats.items import FenceArea, ForeignPlan
@@ -36,7 +37,7 @@ def parts_findings(plan: ForeignPlan, file: str) -> Iterator[Finding]:
         north, east, _ = plane.ned_from_geo(*place, 0.0)
         clearance_m = fence.clearance_m((north, east, 0.0))
         if clearance_m < 0.0:
-            message = f"{name} is {-clearance_m:.1f} m outside the fence"
+            message = f"{name} is {excess(-clearance_m)} m outside the fence"
             yield Finding(file=file, message=message, hint="move it inwards")
 
 

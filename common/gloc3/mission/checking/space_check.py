@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import NamedTuple
 
+from gloc3.amounts import beside, excess
 from gloc3.component.deployment import ComponentRow
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, Gloc3Error
@@ -110,7 +111,7 @@ def _late(mission: Mission, limits: Limits, document: Document) -> Iterator[Find
         nearest_m = min(mission.fence.clearance_m(place) for place in order.waypoints_ned_m)
         if late_m > limits.fence_margin_m and nearest_m < stops_m:
             message = (
-                f"at {order.speed_m_s:g} m/s it flies {late_m:.1f} m before it brakes for a late pose, more than the margin of "
+                f"at {order.speed_m_s:g} m/s it flies {beside(late_m, limits.fence_margin_m)} m before it brakes for a late pose, more than the margin of "
                 f"{limits.fence_margin_m:g} m, and comes within {nearest_m:.1f} m of the fence"
             )
             where = (*where_of(target), action.capability)
@@ -191,9 +192,10 @@ def _fence(
     clearance_m = fence.clearance_m(leg.end)
     if clearance_m < margin_m - TOLERANCE_M:
         if clearance_m < 0.0:
-            message = f"{name_of(place)} is {-clearance_m:.1f} m outside the fence"
+            message = f"{name_of(place)} is {excess(-clearance_m)} m outside the fence"
         else:
-            message = f"{name_of(place)} is {clearance_m:.2f} m inside the fence, less than the margin of {margin}"
+            inside = beside(clearance_m, margin_m, 2)
+            message = f"{name_of(place)} is {inside} m inside the fence, less than the margin of {margin}"
         yield document.finding(place, message, "move it inwards")
     elif is_start_known and fence.clearance_m(leg.start) >= margin_m - TOLERANCE_M:
         along_m = fence.leg_clearance_m(leg.start, leg.end)
@@ -203,14 +205,14 @@ def _fence(
 
 
 def _height(point: Vector3, home: Vector3, limits: Limits, document: Document, place: Where) -> Iterator[Finding]:
-    height_m = home[2] - point[2]
-    if height_m > limits.height_max_m + TOLERANCE_M:
-        message = f"{name_of(place)} is {height_m:.1f} m above home; the platform's limit is {limits.height_max_m:g} m"
-        hint = f"lower it by {height_m - limits.height_max_m:.1f} m, or raise limits.height_max_m in the platform file"
+    height_m, most_m, least_m = home[2] - point[2], limits.height_max_m, limits.height_min_m
+    if height_m > most_m + TOLERANCE_M:
+        message = f"{name_of(place)} is {beside(height_m, most_m)} m above home; the platform's limit is {most_m:g} m"
+        hint = f"lower it by {excess(height_m - most_m, is_enough=True)} m, or raise limits.height_max_m in the platform file"
         yield document.finding(place, message, hint)
-    elif height_m < limits.height_min_m - TOLERANCE_M:
-        message = f"{name_of(place)} is {height_m:.1f} m above home; the platform's limit is {limits.height_min_m:g} m"
-        hint = f"raise it by {limits.height_min_m - height_m:.1f} m, or lower limits.height_min_m in the platform file"
+    elif height_m < least_m - TOLERANCE_M:
+        message = f"{name_of(place)} is {beside(height_m, least_m)} m above home; the platform's limit is {least_m:g} m"
+        hint = f"raise it by {excess(least_m - height_m, is_enough=True)} m, or lower limits.height_min_m in the platform file"
         yield document.finding(place, message, hint)
 
 

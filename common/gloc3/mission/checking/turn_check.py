@@ -7,6 +7,7 @@ from typing import Final
 
 from msgspec.structs import replace
 
+from gloc3.amounts import beside
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding
 from gloc3.messages.frames import Vector3, wrap_pi
@@ -74,16 +75,15 @@ def _transitions(
     """A way that is too short or too low for its transitions, and places beyond which it would stop outside the fence."""
     length_m, needed_m = sum(leg.length_m for leg in legs), 2.0 * limits.transition_m
     if length_m < needed_m:
-        message = (
-            f"{length_m:.0f} m is too short to fly on wings: transitions to wings and to a hover take {needed_m:g} m"
-        )
+        message = f"{beside(length_m, needed_m, 0)} m is too short to fly on wings: transitions to wings and to a hover take {needed_m:g} m"
         yield document.finding(where, message, "by: rotors", at_key=True)
     for leg in legs:
         if (height_m := -leg.end[2]) < limits.wings_height_min_m - _SHORT_M and isinstance(
             action.order, FollowWaypointsOrder
         ):
             place = place_of(where, action, leg, document)
-            message = f"{name_of(place)} is {height_m:.0f} m high: limit on wings {limits.wings_height_min_m:g} m"
+            least_m = limits.wings_height_min_m
+            message = f"{name_of(place)} is {beside(height_m, least_m, 0)} m high: limit on wings {least_m:g} m"
             yield document.finding(place, message, "fly higher, or by: rotors")
             break
     if mission.fence is None or not legs:
@@ -92,7 +92,7 @@ def _transitions(
     begin_m = fence.clearance_m(legs[0].start)
     if begin_m < limits.transition_m:
         message = (
-            f"it goes over to its wings {begin_m:.0f} m inside the fence; that takes {limits.transition_m:g} m, to where "
+            f"it goes over to its wings {beside(begin_m, limits.transition_m, 0)} m inside the fence; that takes {limits.transition_m:g} m, to where "
             "its nose points"
         )
         yield document.finding(where, message, "fly away from the fence by rotors before", at_key=True)

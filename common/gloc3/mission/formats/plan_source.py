@@ -5,6 +5,7 @@ from functools import cached_property
 from math import isfinite
 from typing import Any, Final, NoReturn, TypeGuard
 
+from gloc3.amounts import beside
 from gloc3.documents.document import Document, Where, parse
 from gloc3.errors import Finding, InputError
 
@@ -24,7 +25,7 @@ class PlanSource:
     def _json(self) -> Any:
         raw = self._data.encode("utf-8", "surrogatepass") if isinstance(self._data, str) else self._data
         if len(raw) > MAX_BYTES:
-            message = f"{len(raw) / 1e6:.1f} MB is too large: the limit is {MAX_BYTES / 1e6:g} MB"
+            message = f"{beside(len(raw) / 1e6, MAX_BYTES / 1e6)} MB is too large: the limit is {MAX_BYTES / 1e6:g} MB"
             raise InputError([Finding(file=self._file, message=message, hint="is this the right file?")])
         try:
             return json.loads(raw.decode("utf-8-sig"), parse_constant=_refuse_constant)

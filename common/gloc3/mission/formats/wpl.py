@@ -6,6 +6,7 @@ The same programs keep fences and rally points in such files, or in lists of the
 from math import isfinite, isnan
 from typing import Final, NamedTuple
 
+from gloc3.amounts import beside
 from gloc3.cli.counting import counted
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.formats.commands import JUMP, RALLY, RETURN_POINT, WAYPOINT
@@ -38,7 +39,7 @@ def read_wpl(data: bytes | str, file: str) -> ForeignPlan:
     """
     raw = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
     if len(raw) > MAX_BYTES:
-        message = f"{len(raw) / 1e6:.1f} MB is too large: the limit is {MAX_BYTES / 1e6:g} MB"
+        message = f"{beside(len(raw) / 1e6, MAX_BYTES / 1e6)} MB is too large: the limit is {MAX_BYTES / 1e6:g} MB"
         raise InputError([Finding(file=file, message=message, hint="is this the right file?")])
     try:
         lines = raw.decode("utf-8-sig").splitlines()

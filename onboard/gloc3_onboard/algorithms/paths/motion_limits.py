@@ -10,6 +10,7 @@ fence.
 import math
 from typing import Final, NamedTuple
 
+from gloc3.amounts import beside
 from gloc3.errors import Misuse
 from gloc3.messages.frames import Vector3
 from gloc3.messages.vehicle import MotionLimits, Setpoint
@@ -191,7 +192,8 @@ class SetpointLimiter:
         height_m = min(max(-down, self._lowest_m), self.highest_m)
         reason = "it is too near to the fence, or outside, and goes straight back in" if is_out else ""
         if not is_out and abs(height_m + down) > TOLERANCE_M:
-            reason = f"height {-down:.2f} m is outside {self._lowest_m:.2f} to {self.highest_m:.2f} m"
+            height = beside(-down, height_m, 2)
+            reason = f"height {height} m is outside {self._lowest_m:.2f} to {self.highest_m:.2f} m"
         target = (north, east, -height_m)
         if self._flat is None or room_m - math.dist(self._at, target) >= margin_m:
             return target, reason

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Annotated
 
+from gloc3.amounts import beside
 from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
 from gloc3.component.settings import Bounds, Settings
@@ -44,6 +45,8 @@ class HeightSampler(SensorSampler[HeightSettings]):
         height, settings = stamped.height, self.settings
         self.height_m = height.height_m
         if height.is_valid and not settings.min_m <= height.height_m <= settings.max_m:
-            reason = f"{height.height_m:.2f} m is outside {settings.min_m:g} to {settings.max_m:g} m"
+            limit_m = settings.min_m if height.height_m < settings.min_m else settings.max_m
+            measured = beside(height.height_m, limit_m, 2)
+            reason = f"{measured} m is outside {settings.min_m:g} to {settings.max_m:g} m"
             height = HeightAboveGround(height_m=height.height_m, is_valid=False, reason=reason)
         return [self.height.report(height, t_s=stamped.t_s)]

@@ -121,7 +121,7 @@ class TopicChannel:
 
     def __init__(self, means: Means, key: str, service: TopicService) -> None:
         priority, reliability = SERVICES[service]
-        self._key, self._priority = key, priority
+        self._key, self._priority, self._most_bytes = key, priority, service.most_bytes
         self._session, self._sender = means.session, means.sender
         self._publisher = means.session.declare_publisher(
             key,
@@ -147,6 +147,8 @@ class TopicChannel:
 
     def put(self, body: bytes, head: bytes | None) -> str:
         """Sends a message; returns why it was dropped here, or an empty text."""
+        if len(body) > self._most_bytes:
+            return f"{len(body):,} bytes are more than the {self._most_bytes:,} that such a topic carries"
         if len(body) < HUGE:
             self._publisher.put(body, attachment=head)
             return ""

@@ -18,7 +18,7 @@ import zenoh
 
 from gloc3.exchange.base import Deliver, LocalExchange, Unsubscribe
 from gloc3.exchange.channel import Means, SendQueue
-from gloc3.exchange.inbound import Arrivals, Inbound
+from gloc3.exchange.inbound import Arrivals, Inbound, KeyLimit
 from gloc3.exchange.large import LARGE, LargeInlet, bulk_key, topic_of
 from gloc3.exchange.near import NearServer
 from gloc3.exchange.outlet import LATCHED, UNKNOWN, TopicOutlet, latched_token
@@ -137,7 +137,7 @@ class ZenohExchange:
         if subscription is None:
             row = self._topics.row(pattern) or UNKNOWN
             subscription = self._sources[pattern] = _Subscription(
-                self._receive_message, DEPTHS.get(row.travels, RELIABLE_DEPTH)
+                self._receive_message, DEPTHS.get(row.travels, RELIABLE_DEPTH), self._limit(row.most_hz)
             )
             self._declare(pattern, subscription)
             self._owners.clear()
@@ -260,8 +260,8 @@ class ZenohExchange:
         """Number of messages lost or refused so far, by keyword and topic, `WORD TOPIC`.
 
         `unsent`: dropped here, because receivers were too slow; `lost`: gaps in the received sequence, wherever
-        dropped; `late`: dropped here, because the loop was too slow (part of the lost); `damaged`, `versions`,
-        `misplaced`: not accepted.
+        dropped; `late`: dropped here, because the loop was too slow (part of the lost); `too_many`: dropped here,
+        because one sender sends too often; `too_long`, `damaged`, `versions`, `misplaced`: not accepted.
         """
         late = {f"late {p}": s.inbound.dropped for p, s in self._sources.items() if s.inbound.dropped}
         for topic, number in self._large.late().items():
@@ -318,6 +318,12 @@ class ZenohExchange:
                 )
             )
 
+    def _limit(self, most_hz: float) -> KeyLimit | None:
+        if not most_hz:
+            return None
+        reason = f"more than {most_hz:g} messages a second come from there"
+        return KeyLimit(most_hz, self._loop, lambda topic, number: self._count("too_many", topic, reason, number))
+
     def _declare_watch(self, pattern: str, watch: _Watch) -> None:
         if self._is_open:
             watch.declared = self._session.liveliness().declare_subscriber(
@@ -344,6 +350,10 @@ class ZenohExchange:
         except KeyError:
             owner = self._owners[topic] = next((s for p, s in self._sources.items() if matches(p, topic)), None)
         if owner is subscription:
+            longest = (self._topics.row(topic) or UNKNOWN).travels.most_bytes
+            if len(sample.payload) > longest:
+                self._count("too_long", topic, f"{len(sample.payload):,} bytes are more than its {longest:,}")
+                return
             head = sample.attachment
             self._receive_bytes(topic, None if head is None else head.to_bytes(), sample.payload.to_bytes())
 
@@ -416,8 +426,8 @@ def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:
 class _Subscription:
     """One pattern subscribed to from other nodes."""
 
-    def __init__(self, handle: Callable[[_Subscription, Any], None], depth: int) -> None:
-        self.inbound = Inbound(partial(handle, self), depth)
+    def __init__(self, handle: Callable[[_Subscription, Any], None], depth: int, limit: KeyLimit | None) -> None:
+        self.inbound = Inbound(partial(handle, self), depth, limit)
         self.users = 0
         self.declared: list[zenoh.Subscriber[None]] = []
 

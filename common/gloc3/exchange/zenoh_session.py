@@ -16,6 +16,7 @@ import msgspec
 import zenoh
 
 from gloc3.errors import Gloc3Error
+from gloc3.messages.topics import BULK_BYTES, ENVELOPE_BYTES
 
 LEASE_S: Final = 2.0
 """Silence after which a node counts as lost, s."""
@@ -78,6 +79,7 @@ def configuration(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) 
         "scouting/gossip/autoconnect": {"router": [], "peer": [], "client": []},
         "scouting/delay": 0,
         "transport/shared_memory/enabled": False,  # of its files some stay after SIGKILL; `near` has memory of ours
+        "transport/link/rx/max_message_size": BULK_BYTES + ENVELOPE_BYTES,
         "transport/link/tx/lease": round(LEASE_S * 1e3),
         "transport/link/tx/queue/size": dict.fromkeys(QUEUES, QUEUED_BATCHES),
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,

@@ -99,6 +99,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "preflight": TopicRow(PreflightReport),
     # the command interface server, towards the stations
     "ci/request": TopicRow(CiRequest, service=TopicService.COMMAND),
+    "ci/request/*": TopicRow(CiRequest, is_logged=False, service=TopicService.COMMAND, most_hz=50.0),
+    "ci/ask/*": TopicRow(CiRequest, is_logged=False, service=TopicService.COMMAND, most_hz=50.0),
     "ci/heard": TopicRow(StationHeard, is_logged=False),
     "ci/reply": TopicRow(CiReply, service=TopicService.COMMAND),
     "ci/summary": TopicRow(Summary, 2.0, downlink_every=1),
@@ -116,7 +118,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "log_chunk": TopicRow(LogChunk, is_logged=False, service=TopicService.BULK),
     # the stations, towards the command interface server, while somebody steers by hand
     "velocity_demand": TopicRow(VelocityDemand, service=TopicService.CONTROL),
-    "demand/*": TopicRow(VelocityDemand, is_logged=False, service=TopicService.CONTROL),
+    "demand/*": TopicRow(VelocityDemand, is_logged=False, service=TopicService.CONTROL, most_hz=50.0),
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=TopicService.REPORT),
     "host_presence": TopicRow(HostPresence),

@@ -22,6 +22,13 @@ from gloc3.messages.envelope import (
 )
 from gloc3.messages.wire import TypeRegistry
 
+MESSAGE_BYTES: Final = 512_000
+"""Longest message of an ordinary topic, bytes: room for a mission with its plan, or a table of 1,000 components."""
+BULK_BYTES: Final = 8_000_000
+"""Longest message of a bulk topic, bytes: room for a colour picture of 1920 x 1080, not compressed."""
+ENVELOPE_BYTES: Final = 64_000
+"""Room for what goes with the longest message, bytes."""
+
 
 class TopicService(StrEnum):
     """Quality of service of a topic between processes."""
@@ -36,6 +43,11 @@ class TopicService(StrEnum):
     """The same, behind commands."""
     BULK = "bulk"
     """Large: it leaves when nothing else does, or is dropped."""
+
+    @property
+    def most_bytes(self) -> int:
+        """Longest message between processes, bytes."""
+        return BULK_BYTES if self is TopicService.BULK else MESSAGE_BYTES
 
 
 class TopicRow(msgspec.Struct, frozen=True):
@@ -53,6 +65,8 @@ class TopicRow(msgspec.Struct, frozen=True):
     """None is a stream for topics with a rate, and a report for others."""
     is_latched: bool = False
     """It holds a state, not an event: late subscribers get the last message."""
+    most_hz: float = 0.0
+    """Most messages a second that are received on one key from other processes, 1/s; 0 for no limit."""
 
     @property
     def travels(self) -> TopicService:

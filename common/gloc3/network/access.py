@@ -8,6 +8,8 @@ from typing import Any, Final, Literal, NamedTuple
 
 import msgspec
 
+from gloc3.messages.topics import ENVELOPE_BYTES, MESSAGE_BYTES
+
 
 class MemberRole(StrEnum):
     """Role of a member."""
@@ -134,6 +136,20 @@ def access_control(own: Accepted, others: Sequence[Accepted]) -> dict[str, Any]:
         "subjects": subjects,
         "policies": policies,
     }
+
+
+def size_limits() -> list[dict[str, Any]]:
+    """Zenoh's `low_pass_filter`: longer messages between platforms and stations are dropped before they are read."""
+    keys = [*_below("*", ("ci/**", "contact", "demand/*", "components/**", "hosts/**")), "stations/**"]
+    return [
+        {
+            "id": "messages",
+            "flows": ["ingress"],
+            "messages": ["put", "delete", "query", "reply"],
+            "key_exprs": keys,
+            "size_limit": MESSAGE_BYTES + ENVELOPE_BYTES,
+        }
+    ]
 
 
 def _rule(name: str, grant: AccessGrant) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gloc3.documents.document import Document, load_bytes, parse
 from gloc3.documents.schema import check
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.exchange.zenoh_session import QUIC, ZenohEndpoints
-from gloc3.network.access import Accepted, MemberRole, access_control
+from gloc3.network.access import Accepted, MemberRole, access_control, size_limits
 from gloc3.network.authority import findings as certificate_findings
 
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
@@ -90,6 +90,7 @@ class Membership(NamedTuple):
                 "close_link_on_expiration": True,
             },
             "access_control": access_control(file.own, file.others),
+            "low_pass_filter": size_limits(),
         }
 
 

@@ -12,13 +12,14 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 from tests.common.exchange.middlewares import EVENT, PLATFORM, TABLE, Ends, event, receive, until, zenoh
+from zenoh import CongestionControl
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import UNIX, ZenohEndpoints, new_session
 from gloc3.messages.envelope import Envelope, Source
 from gloc3.messages.summaries import ComponentTable
-from gloc3.messages.topics import TopicTable
+from gloc3.messages.topics import TopicService, TopicTable
 from gloc3.messages.vehicle import Image
 from gloc3.messages.wire import type_name
 
@@ -177,7 +178,7 @@ STOPPED = """
 import asyncio, sys
 from gloc3.exchange.zenoh import open_exchange
 from gloc3.exchange.zenoh_session import ZenohEndpoints
-from gloc3.messages.topics import TopicTable
+from gloc3.messages.topics import TopicService, TopicTable
 async def live():
     node = ZenohEndpoints(name="one", connect=(sys.argv[1],))
     with open_exchange(node, asyncio.get_running_loop(), TopicTable.installed()) as exchange:
@@ -208,3 +209,52 @@ async def test_a_receiver_that_stands_still_holds_up_no_loop_and_goes_by_its_lea
         await until(lambda: alive == [True, False])
         process.kill()
         await process.wait()
+
+
+async def test_a_message_that_is_too_long_for_its_topic_is_told_and_dropped_at_both_ends(tmp_path: Path) -> None:
+    long = b"x" * (TopicService.REPORT.most_bytes + 1)
+    with node(tmp_path, "main") as main, node(tmp_path, "one") as one:
+        received, _ = receive(main, EVENT)
+        publisher = Publisher(one, PLATFORM, "speaker", 7)
+
+        def say(text: str) -> bool:
+            publisher.publish(EVENT, event(text), 0.25)
+            return False
+
+        await until(lambda: received or say("short"))
+        say(long.decode())
+        assert one.problems() == {f"unsent {EVENT}": 1}
+    with (
+        node(tmp_path, "main") as main,
+        new_session(ZenohEndpoints(name="one", connect=(f"{UNIX}/{tmp_path}/z",))) as stranger,
+    ):
+        received, _ = receive(main, EVENT)
+        await until(lambda: main.problems().get(f"too_long {EVENT}") or stranger.put(EVENT, long))
+        huge = b"x" * (TopicService.BULK.most_bytes + 1_000_000)
+        stranger.put(EVENT, huge, congestion_control=CongestionControl.BLOCK)  # no session reads that
+        stranger.put(EVENT, b"short", congestion_control=CongestionControl.BLOCK)
+        await until(lambda: f"damaged {EVENT}" in main.problems())
+        assert main.problems()[f"too_long {EVENT}"] < 10
+        assert not received
+
+
+async def test_one_sender_cannot_fill_the_loop_or_keep_others_out(tmp_path: Path) -> None:
+    reported: list[str] = []
+    row = TopicTable.installed().row(f"{PLATFORM}/ci/ask/eve")
+    assert row is not None
+    with (
+        node(tmp_path, "main", troubled=lambda _, text: reported.append(text)) as main,
+        new_session(ZenohEndpoints(name="one", connect=(f"{UNIX}/{tmp_path}/z",))) as eve,
+    ):
+        receive(main, f"{PLATFORM}/ci/ask/*")
+        await until(lambda: main.problems() or eve.put(f"{PLATFORM}/ci/ask/eve", b"?"))
+        for _ in range(2000):
+            eve.put(f"{PLATFORM}/ci/ask/eve", b"?", congestion_control=CongestionControl.BLOCK)
+        eve.put(f"{PLATFORM}/ci/ask/alice", b"?")
+        await until(lambda: f"damaged {PLATFORM}/ci/ask/alice" in main.problems())
+        await until(lambda: f"too_many {PLATFORM}/ci/ask/eve" in main.problems())
+        read, dropped = (main.problems()[f"{kind} {PLATFORM}/ci/ask/eve"] for kind in ("damaged", "too_many"))
+        assert read < 0.2 * 2000 < dropped
+        assert any(
+            f"too_many {PLATFORM}/ci/ask/eve: more than {row.most_hz:g} messages a second" in one for one in reported
+        )

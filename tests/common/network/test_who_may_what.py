@@ -12,12 +12,13 @@ import pytest
 from msgspec.structs import replace
 from tests.common.exchange.middlewares import event, receive, until
 from tests.common.network.yard import MEMBERS, NOW, Yard
+from zenoh import CongestionControl
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
-from gloc3.exchange.zenoh_session import QUIC
+from gloc3.exchange.zenoh_session import QUIC, new_session
 from gloc3.messages.envelope import Envelope
-from gloc3.messages.topics import TopicTable
+from gloc3.messages.topics import ENVELOPE_BYTES, MESSAGE_BYTES, TopicTable
 from gloc3.messages.vehicle import Image
 from gloc3.messages.watch import Sample
 from gloc3.network.access import MemberRole
@@ -222,3 +223,27 @@ async def test_a_link_ends_when_a_certificate_expires(tmp_path: Path) -> None:
             await asyncio.sleep(1.0)
             read, _ = await scene.play(dave, "dave")
         assert not read
+
+
+async def test_an_observers_long_messages_are_dropped_before_they_are_read(tmp_path: Path) -> None:
+    yard = Yard(tmp_path / "yard")
+    bob = yard.membership("bob")
+    settings = bob.settings()
+    del settings["low_pass_filter"]
+    with yard.open("pelican.main") as main, new_session(bob.node(), settings) as session:
+        asked = "pelican/ci/ask/bob"
+        main.subscribe("pelican/ci/ask/*", lambda _: None)
+
+        def put(data: bytes) -> None:
+            session.put(asked, data, congestion_control=CongestionControl.BLOCK)
+
+        def is_read() -> bool:
+            put(b"short")
+            return f"damaged {asked}" in main.problems()
+
+        await until(is_read)
+        before = main.problems()[f"damaged {asked}"]
+        put(bytes(MESSAGE_BYTES + 2 * ENVELOPE_BYTES))
+        put(b"short")
+        await until(lambda: main.problems()[f"damaged {asked}"] > before)
+        assert set(main.problems()) == {f"damaged {asked}"}

@@ -44,7 +44,7 @@ class ControlState(Message, frozen=True):
 def other_topics() -> TopicTable:
     table = TopicTable()
     rows = dict(TOPICS)
-    rows["ci/request"] = TopicRow(CiRequest)
+    rows |= {name: TopicRow(CiRequest) for name, row in TOPICS.items() if row.message.__name__ == CiRequest.__name__}
     rows["ci/control"] = TopicRow(ControlState, 1.0, downlink_every=1)
     table.add(rows)
     return table

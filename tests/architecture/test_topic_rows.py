@@ -17,6 +17,8 @@ FROM_ELSEWHERE: Final = {
     "ci/request": "the stations, through their links",
     "ci/heard": "the links to the stations",
     "velocity_demand": "the stations, through their links",
+    "ci/request/*": "the stations, over the network",
+    "ci/ask/*": "the stations, over the network",
     "demand/*": "the stations, over the network",
     "ci/teleoperation": "the controller of a platform that is steered by hand",
     "acoustic": "the station's end of an acoustic modem",

@@ -45,11 +45,11 @@ class KeyLimit:
         self._left[key] = (left - 1.0 if passes else left, now_s)
         if not passes:
             if not self._dropped:
-                self._loop.call_soon_threadsafe(self._loop.call_later, REPORT_S, self._tell)
+                self._loop.call_soon_threadsafe(self._loop.call_later, REPORT_S, self._report_drops)
             self._dropped[key] += 1
         return passes
 
-    def _tell(self) -> None:
+    def _report_drops(self) -> None:
         dropped, self._dropped = self._dropped, Counter()
         for key, number in dropped.items():
             self._report(key, number)

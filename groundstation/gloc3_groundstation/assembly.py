@@ -19,6 +19,7 @@ from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 from gloc3.network.file import Membership
+from gloc3_groundstation.corrections.corrections import Corrections
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
@@ -97,6 +98,7 @@ class GroundStation:
         self.links: Final = Links(self._link_context(report or self._warn), setup.signing_key)
         self.station.round_trip_s = self.links.round_trip_s
         self.vehicles: Final = Vehicles(self.station, self.links.routes)
+        self.corrections: Final = Corrections(self.station, self.vehicles.best_links)
         descriptions = None if setup.record is None else setup.record / DESCRIPTIONS
         self.services: Final = ServicesDesk(self.station, self.vehicles.reach, setup.downloads, descriptions)
         self._modems: list[Modem] = []
@@ -148,7 +150,7 @@ class GroundStation:
             author: the operator's name, for logged actions.
         """
         queue = self.begin_queue(is_kept=is_queue_kept)
-        return Desk(
+        desk = Desk(
             self.station,
             plan,
             events=self.events,
@@ -157,6 +159,8 @@ class GroundStation:
             queue=queue,
             author=author,
         )
+        desk.fleet.corrections = self.corrections
+        return desk
 
     def parts(self) -> tuple[str, ...]:
         """The names of the parts that this station has, in the order in which they were made."""
@@ -166,6 +170,7 @@ class GroundStation:
 
     async def close(self) -> None:
         """Closes everything; vehicles are left to their policies."""
+        await self.corrections.stop()
         self.vehicles.close()
         if self._queue is not None:
             self._queue.close()

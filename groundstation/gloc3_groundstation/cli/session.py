@@ -50,6 +50,8 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Why the configuration file could not be used; empty where it could."""
     foxglove_port: int | None = None
     """Where Foxglove is served; None for nowhere."""
+    rtk: str = ""
+    """Source of RTK corrections; empty for none."""
 
 
 class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -210,6 +212,8 @@ class Session:
         ground, view = GroundStation(self._setup), None
         try:
             await ground.open(self._options.urls, self._options.modems)
+            if self._options.rtk:
+                await ground.corrections.open(self._options.rtk)
             if self._options.foxglove_port is not None:
                 offset_s = Clock(ground.loop).utc_offset_s
                 view = LiveView(ground.station, ground.exchange, ground.loop, ground.topics, offset_s)

@@ -15,6 +15,7 @@ from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.mission.examples import find_mission
 from gloc3_groundstation.cli.run_output import RunOutput, print_json
 from gloc3_groundstation.cli.script import parse_command
+from gloc3_groundstation.corrections.source_url import parse_source
 from gloc3_groundstation.missions.plans import CheckedPlan, read_plan
 from gloc3_groundstation.reporting.outcomes import RunOutcome
 from gloc3_groundstation.web.server import HOST, PORT, WebOptions
@@ -122,13 +123,17 @@ class StationOptions:
     """The network file of this station, made by gloc3 network: an encrypted connection to the platforms, with
     the name and role of its certificate, beside the links. Without --link no MAVLink link is then
     opened."""
+    rtk: str | None = None
+    """RTK corrections for every PX4 or ArduPilot vehicle that is heard: ntrip://USER:PASSWORD@HOST:2101/MOUNTPOINT
+    (ntrips:// with TLS), tcp://HOST:PORT, or serial:///dev/PORT:BAUD for a base that sends RTCM 3. A password is better
+    kept in the configuration file. Default: rtk of the configuration file, else none."""
     acoustic: Annotated[list[str] | None, Parameter(negative=())] = None
     """An acoustic modem, as PLATFORM=URL with udpin://, udpout:// or serial://; may be given again. It
     receives summaries of a vehicle out of contact, and sends the emergency key's hold and land if no other link
     reaches it. ?key=FILE tags its frames."""
     config: Path | None = None
     """The configuration file (TOML), written when the terminal closes if missing: theme, links, station_id,
-    signing_key, downloads, and the state of the last session. Default: gloc3/station.toml in the XDG configuration
+    signing_key, rtk, downloads, and the state of the last session. Default: gloc3/station.toml in the XDG configuration
     directory."""
     no_record: Annotated[bool, FLAG] = False
     """Record nothing. Otherwise events, all received messages (MCAP) and every MAVLink frame (.tlog) are kept in
@@ -223,6 +228,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         configuration=configuration,
         problem=problem,
         foxglove_port=options.foxglove_port if options.foxglove else None,
+        rtk=configuration.rtk if options.rtk is None else options.rtk,
     )
     session = Session(setup, requested)
     if options.headless:
@@ -311,6 +317,8 @@ def _check(options: StationOptions) -> None:
     has_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
     if not (options.headless or options.web or has_terminal):
         raise Refused("there is no terminal here; use --headless, or --web for a browser")
+    if options.rtk:
+        parse_source(options.rtk)
     for name, port in (("foxglove", options.foxglove_port), ("web", options.web_port)):
         if not 0 <= port <= 65535:
             raise Refused(f"--{name}-port must be from 0 to 65535")

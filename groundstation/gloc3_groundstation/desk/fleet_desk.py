@@ -7,6 +7,7 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import Control, ControlVerb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.software import own_software
+from gloc3_groundstation.corrections.corrections import CorrectionsSwitch, NoCorrections
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
@@ -54,6 +55,8 @@ class FleetDesk:
         """
         self._station = station
         self._links: LinkStore = NoLinks() if links is None else links
+        self.corrections: CorrectionsSwitch = NoCorrections()
+        """RTK corrections for the vehicles."""
         self._station.listen(self._watch_control)
 
     def named(self, names: Iterable[str]) -> list[str]:
@@ -125,6 +128,14 @@ class FleetDesk:
     async def remove_link(self, url: str) -> bool:
         """Closes a link; its vehicles are left to their policies."""
         return await self._linked(self._links.remove(url), f"link {url} is closed")
+
+    async def start_corrections(self, url: str) -> bool:
+        """Takes RTK corrections from a source."""
+        return await self._do("", "RTK corrections", self.corrections.open(url))
+
+    async def stop_corrections(self) -> bool:
+        """Takes none any more."""
+        return await self._do("", "RTK corrections", self.corrections.stop())
 
     async def _linked(self, work: Awaitable[None], then: str) -> bool:
         is_done = await self._do("", "link", work)

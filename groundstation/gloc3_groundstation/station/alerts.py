@@ -32,6 +32,8 @@ LABELS: Final = "event "
 """Prefix of the names of alerts from warnings."""
 _WELL: Final = frozenset(n for n, health in enumerate(HEALTHS) if health not in (Health.FAULTY, Health.ABSENT))
 """States of a component that are no cause."""
+CORRECTIONS_OLD_S: Final = 10.0
+"""Age of RTK corrections from which a vehicle that uses them is worth an alert, s."""
 KEPT: Final = 200
 """Alerts at most; the oldest that are over make room."""
 
@@ -191,6 +193,18 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
             yield AlertCause(platform.name, "loss", Severity.WARNING, "more than half of its status messages are lost")
         yield from _vehicle_causes(platform, now_s, is_settled=is_settled)
         yield from _component_causes(platform, is_settled=is_settled)
+        yield from _corrections_cause(platform, fleet, now_s)
+
+
+def _corrections_cause(platform: PlatformSnapshot, fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
+    corrections, autopilot = fleet.corrections, platform.autopilot
+    if corrections is None or autopilot is None or not (autopilot.is_alive and autopilot.has_used_rtk):
+        return
+    age_s = corrections.age_s(now_s)
+    if age_s is None or age_s > CORRECTIONS_OLD_S:
+        why = f": {corrections.problem}" if corrections.problem else ""
+        text = f"no RTK corrections for more than {CORRECTIONS_OLD_S:.0f} s, its position becomes metre-level{why}"
+        yield AlertCause(platform.name, "rtk", Severity.WARNING, text)
 
 
 def _silence(*, is_flying: bool, has_companion: bool, is_overdue: bool) -> str:

@@ -35,11 +35,13 @@ _HEADING_UNKNOWN: Final = 65_535
 RECEIVED_MESSAGES: Final = ("GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS")
 """Those that tell where an autopilot is and how it moves."""
 WANTED: Final = frozenset(
-    codec.shape(name).id for name in (*RECEIVED_MESSAGES, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME")
+    codec.shape(name).id for name in (*RECEIVED_MESSAGES, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME", "GPS_RAW_INT")
 )
 """Messages about the vehicle's state, besides its heartbeat."""
 _IDS: Final = WANTED | {codec.shape("HEARTBEAT").id}
 _VOLTAGE_UNKNOWN: Final = 65_535
+RTK_FIXES: Final = (5, 6)
+"""GPS_FIX_TYPE of RTK: float and fixed."""
 
 
 class PlaceWatch:
@@ -122,6 +124,9 @@ class AutopilotWatch:
         self._landed = ""
         self._form: VtolForm | None = None
         self._place: MavlinkMessage | None = None
+        self.fix_type = 0
+        """GPS_FIX_TYPE of its first receiver; 0 before it has sent any."""
+        self.has_used_rtk = False
         self.place_s = 0.0
         """When it sent its last position."""
         self._speed_m_s = 0.0
@@ -147,6 +152,9 @@ class AutopilotWatch:
                 self.is_armed, self._mode = bool(message.base_mode & ARMED), message.custom_mode
             case "SYS_STATUS":
                 self._battery_percent = message.battery_remaining if 0 <= message.battery_remaining <= 100 else -1
+            case "GPS_RAW_INT":
+                self.fix_type = message.fix_type
+                self.has_used_rtk |= message.fix_type in RTK_FIXES
             case "EXTENDED_SYS_STATE":
                 self._landed = _LANDED.get(message.landed_state, "")
                 self._form = VTOL_FORMS.get(message.vtol_state)

@@ -118,6 +118,39 @@ class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """`quadrotor`; empty where it does not say."""
     is_alive: bool = True
     """Whether its heartbeat comes."""
+    fix_type: int = 0
+    """GPS_FIX_TYPE of its first receiver; 0 where it is not known."""
+    has_used_rtk: bool = False
+    """Whether that was RTK (5 or 6) at any time."""
+
+
+class CorrectionsSnapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """RTK corrections that the station takes from a source and sends to vehicles."""
+
+    source: str
+    """Its address, without user and password."""
+    problem: str = ""
+    """Why nothing comes; empty otherwise."""
+    rate_byte_s: float = 0.0
+    """Of the corrections that come, over the last seconds."""
+    received_s: float | None = None
+    """When the last observations of the base came; None before the first."""
+    types: tuple[int, ...] = ()
+    """Numbers of the RTCM messages that come."""
+    base_ecef_m: tuple[float, float, float] | None = None
+    """Antenna of the base; None until it is told."""
+    links: int = 0
+    """Links that corrections are sent to."""
+    damaged: int = 0
+    """Frames with a wrong CRC; they are dropped."""
+    oversized: int = 0
+    """Frames that GPS_RTCM_DATA cannot hold; they are dropped."""
+    left_out: int = 0
+    """Frames that slow links had no room for."""
+
+    def age_s(self, now_s: float) -> float | None:
+        """Seconds since the last observations of the base came; None before the first."""
+        return None if self.received_s is None else now_s - self.received_s
 
 
 class VehicleProblem(msgspec.Struct, frozen=True, kw_only=True):
@@ -313,6 +346,8 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """By name, in order of first contact."""
     events: tuple[FleetEvent, ...] = ()
     """The last ones, oldest first."""
+    corrections: CorrectionsSnapshot | None = None
+    """RTK corrections; None where the station takes none."""
     event_count: int = 0
     """Of all events so far, those that are no longer kept included."""
 

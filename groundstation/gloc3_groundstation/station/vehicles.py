@@ -104,6 +104,19 @@ class Vehicles:
             raise Refused(f"no link of this station hears the autopilot of {name}; {hint}")
         return self._lines[key[0]].link, Address(key[1], key[2])
 
+    def best_links(self) -> list[tuple[str, VehicleListener]]:
+        """URL and link of every PX4 or ArduPilot vehicle that is alive, by its best route; each link once."""
+        now_s = self._station.now_s()
+        keys = (self._route(name) for name in dict.fromkeys(self._names.values()))
+        alive = {
+            key[0]
+            for key in keys
+            if key is not None
+            and self._watches[key].autopilot in FIRMWARES
+            and now_s - self._watches[key].beat_s < BEATS_WITHIN_S
+        }
+        return [(self._lines[number].url, self._lines[number].link) for number in sorted(alive)]
+
     def close(self) -> None:
         """Hears nothing more."""
         self._timer.cancel()
@@ -243,6 +256,8 @@ class Vehicles:
             firmware=autopilot_name(watch.autopilot),
             vehicle_type=type_name(watch.vehicle_type),
             is_alive=now_s - watch.beat_s < BEATS_WITHIN_S,
+            fix_type=watch.fix_type,
+            has_used_rtk=watch.has_used_rtk,
         )
         problems = tuple(self._problems(name, key, now_s))
         if known is not None and known.has_companion:

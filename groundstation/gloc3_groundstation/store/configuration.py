@@ -15,8 +15,9 @@ import msgspec
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from gloc3.errors import Finding, InputError, nearest
+from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.store import replace_file
+from gloc3_groundstation.corrections.source_url import parse_source
 
 ThemeName = Literal["dark", "daylight", "mono"]
 DEFAULT_LINK: Final = "udpin://127.0.0.1:14550"
@@ -42,6 +43,8 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     links: tuple[str, ...] = (DEFAULT_LINK,)
     signing_key: str = ""
     """A file with the key that signs all links; empty for links that are not signed."""
+    rtk: str = ""
+    """Source of RTK corrections, such as `ntrip://USER:PASSWORD@HOST:2101/MOUNTPOINT`; empty for none."""
     downloads: str = ""
     """Folder for downloads from vehicles; empty for the one in which the station was started."""
     gamepad: str = ""
@@ -156,6 +159,12 @@ def _checked(data: dict[str, Any], text: str, file: str) -> Configuration:
         line, column = _place(text, "", "station_id")
         finding = Finding(file=file, line=line, column=column, message="station_id: must be from 200 to 255")
         raise InputError([finding])
+    try:
+        if configuration.rtk:
+            parse_source(configuration.rtk)
+    except Refused as refusal:
+        line, column = _place(text, "", "rtk")
+        raise InputError([Finding(file=file, line=line, column=column, message=f"rtk: {refusal}")]) from None
     return configuration
 
 

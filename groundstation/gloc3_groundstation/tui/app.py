@@ -4,6 +4,7 @@ import os
 from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any, ClassVar, Final, cast
+from urllib.parse import quote
 
 import msgspec
 from msgspec.structs import replace
@@ -304,6 +305,31 @@ class StationApp(App[End | None]):
             self.push_screen(TextQuestion(f"{offer.title}: {vehicle}", hint=offer.values), send)
         else:
             send("")
+
+    def action_corrections(self) -> None:
+        """Asks for the source of RTK corrections; for its password, if it lacks one, without showing it."""
+
+        def start(url: str, password: str | None = None) -> None:
+            before, at, after = url.rpartition("@")
+            secret = "" if password is None else f":{quote(password, safe='')}"
+            self.do(self.desk.fleet.start_corrections(f"{before}{secret}{at}{after}"))
+
+        def named(url: str | None) -> None:
+            user, has_user, _ = (url or "").partition("://")[2].rpartition("@")
+            if not url:
+                return
+            if has_user and ":" not in user:
+                question = TextQuestion(f"Password of {user}?", is_secret=True)
+                self.push_screen(question, lambda typed: start(url, typed) if typed else None)
+            else:
+                start(url)
+
+        hint = "ntrip://USER@HOST:2101/MOUNTPOINT, tcp://HOST:PORT, serial:///dev/ttyACM0:115200"
+        self.push_screen(TextQuestion("RTK corrections from where?", hint=hint), named)
+
+    def action_end_corrections(self) -> None:
+        """Takes no RTK corrections any more."""
+        self.do(self.desk.fleet.stop_corrections())
 
     def action_leave(self) -> None:
         """Closes; confirms first while this station controls an armed vehicle, or a mission is not saved."""

@@ -49,6 +49,12 @@ class Commanded(Protocol):
     def action_acknowledge(self, is_all: bool = False) -> None:
         """Takes note of an alert, or of all."""
 
+    def action_corrections(self) -> None:
+        """Asks where RTK corrections come from, and takes them from there."""
+
+    def action_end_corrections(self) -> None:
+        """Takes no RTK corrections any more."""
+
     def action_help(self) -> None:
         """Explains the screen in view."""
 
@@ -100,6 +106,11 @@ class StationCommands(Provider):
             yield PaletteCommand(f"Screen: {row.title}", row.help, partial(app.action_go, row.name))
         for theme, text in DESCRIPTIONS.items():
             yield PaletteCommand(f"Theme: {theme}", text, partial(setattr, app, "theme", theme))
+        yield PaletteCommand(
+            "RTK corrections: start", "from a caster or a base, for all vehicles", app.action_corrections
+        )
+        if view.fleet.corrections is not None:
+            yield PaletteCommand("RTK corrections: stop", view.fleet.corrections.source, app.action_end_corrections)
         yield PaletteCommand("Help", "the screen in view and its keys", app.action_help)
         yield PaletteCommand("Quit", "asks while this station controls an armed vehicle", app.action_leave)
 

@@ -49,6 +49,9 @@ class Surroundings(Protocol):
     def inject(self, unit: FailureUnit, failure: FailureKind) -> RequestVerdict:
         """Makes something fail, or repairs it."""
 
+    def correct(self, corrections: bytes) -> None:
+        """Passes corrections of a base (RTCM 3) to the satellite receiver."""
+
 
 class Nowhere:
     """Surroundings without effect, for an autopilot without a simulation."""
@@ -68,3 +71,6 @@ class Nowhere:
         """Does nothing."""
         del unit, failure
         return ACCEPTED
+
+    def correct(self, corrections: bytes) -> None:
+        """Does nothing."""

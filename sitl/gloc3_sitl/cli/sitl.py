@@ -149,7 +149,7 @@ class SitlOptions:
     current: float = 0.0
     """Water current to the north, in m/s; for boats and underwater vehicles."""
     plain_gps: bool = False
-    """Metre-level fixes instead of RTK-grade ones."""
+    """Metre-level fixes instead of RTK-grade ones. Corrections make them RTK-grade (gloc3 station --rtk)."""
     no_gps: Annotated[bool, Parameter(negative=())] = False
     """No satellites: the autopilot's parameters are set for external odometry (ODOMETRY)."""
     battery: float = 1.0

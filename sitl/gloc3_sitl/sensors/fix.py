@@ -1,4 +1,4 @@
-"""The satellite receiver: RTK-grade fixes, or plain GPS by a switch."""
+"""The satellite receiver: RTK-grade fixes, or by a switch plain GPS, which corrections of a base make RTK-grade."""
 
 from math import cos, pi, radians, sin, sqrt
 from typing import Final
@@ -6,6 +6,7 @@ from typing import Final
 import msgspec
 
 from gloc3.messages.frames import WGS84_A_M, WGS84_F, GeoPoint, Vector3
+from gloc3.rtcm3 import RtcmParser, is_observation
 from gloc3_sitl.physics.truth import TrueMotion
 from gloc3_sitl.sensors.noise import Wander
 from gloc3_sitl.sensors.readings import FixKind, FixReading
@@ -35,6 +36,8 @@ class Receiver(msgspec.Struct, frozen=True, kw_only=True):
     """Time from validity to delivery."""
     satellites: int
     """Satellites used."""
+    is_rover: bool = False
+    """Whether corrections of a base make it as good as `RTK`."""
 
 
 RTK: Final = Receiver(
@@ -62,6 +65,7 @@ PLAIN_GPS: Final = Receiver(
     speed_vertical_m_s=0.1,
     latency_s=0.1,
     satellites=12,
+    is_rover=True,
 )
 """A code solution: 2.5 m of error in every second fix at most, 0.05 m/s (data sheet figures of the NEO-M8N class)."""
 
@@ -81,6 +85,10 @@ ACOUSTIC: Final = Receiver(
 figure of the Water Linked Underwater GPS G2: 1 % of the range)."""
 
 
+CORRECTED_S: Final = 10.0
+"""Age of the last observations of the base up to which they correct, s."""
+
+
 class FixSensor(SimulatedSensor[FixReading]):
     """Position with white and slowly changing errors, velocity with white noise, after a latency."""
 
@@ -92,6 +100,9 @@ class FixSensor(SimulatedSensor[FixReading]):
     def __init__(self, seed: int, home: GeoPoint, receiver: Receiver = RTK, rate_hz: float = 10.0) -> None:
         super().__init__(seed, rate_hz)
         self.receiver: Final = receiver
+        self._corrections = RtcmParser()
+        self._has_base = False
+        self._corrected_until_s = float("-inf")
         self.latency_s = receiver.latency_s
         constants = (self._draw, receiver.wander_horizontal_m, receiver.wander_time_constant_s, 1.0 / rate_hz)
         vertical = (self._draw, receiver.wander_vertical_m, receiver.wander_time_constant_s, 1.0 / rate_hz)
@@ -101,15 +112,25 @@ class FixSensor(SimulatedSensor[FixReading]):
         self._deg_per_north_m = 180.0 / pi * root**3 / (WGS84_A_M * (1.0 - e2))
         self._deg_per_east_m = 180.0 / pi * root / (WGS84_A_M * max(cos(latitude), 1e-6))
 
+    def correct(self, corrections: bytes, now_s: float) -> None:
+        """Takes RTCM 3: with the position of the base and fresh observations a rover's fixes are RTK-grade."""
+        for frame in self._corrections.receive(corrections):
+            self._has_base |= frame.base_ecef_m() is not None
+            if is_observation(frame.message_type) and self._has_base and self.receiver.is_rover:
+                self._corrected_until_s = now_s + CORRECTED_S
+
     def measure(self, motion: TrueMotion, t_s: float) -> FixReading:
         """Where the vehicle is, with all errors."""
-        truth, receiver, draw = motion.truth(), self.receiver, self._draw
+        truth, draw = motion.truth(), self._draw
+        receiver = RTK if t_s < self._corrected_until_s else self.receiver
         horizontal_m, vertical_m = receiver.noise_horizontal_m, receiver.noise_vertical_m
         speed_m_s = receiver.speed_horizontal_m_s
         north, east, down = self._wander
-        north_m = north.step() + horizontal_m * draw()
-        east_m = east.step() + horizontal_m * draw()
-        up_m = vertical_m * draw() - down.step()
+        left_horizontal = receiver.wander_horizontal_m / self.receiver.wander_horizontal_m
+        left_vertical = receiver.wander_vertical_m / self.receiver.wander_vertical_m
+        north_m = left_horizontal * north.step() + horizontal_m * draw()
+        east_m = left_horizontal * east.step() + horizontal_m * draw()
+        up_m = vertical_m * draw() - left_vertical * down.step()
         vn, ve, vd = truth.velocity_ned_m_s
         return FixReading(
             t_s=t_s,

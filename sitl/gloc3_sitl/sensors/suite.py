@@ -94,6 +94,12 @@ class SensorSuite:
             raise Misuse(f"unknown fault mode {mode!r}; known: {', '.join(FaultMode)}")
         self._named(name).fail(FaultMode(mode), size, direction)
 
+    def correct(self, corrections: bytes, now_s: float) -> None:
+        """Gives the satellite receiver corrections of a base, as RTCM 3."""
+        receiver = self._named(self.fix.name)
+        if isinstance(receiver, FixSensor):
+            receiver.correct(corrections, now_s)
+
     def repair(self, name: str) -> None:
         """End a sensor's fault."""
         self._named(name).fault = None

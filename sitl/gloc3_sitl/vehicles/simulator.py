@@ -75,7 +75,7 @@ class SimulatorSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Of turbulence and of all sensor noise."""
     wind: Wind = CALM
     is_plain_gps: bool = False
-    """Metre-level fixes in place of RTK-grade ones."""
+    """Metre-level fixes in place of RTK-grade ones, unless the receiver is sent corrections (`GPS_RTCM_DATA`)."""
     is_without_gps: bool = False
     """No fixes at all; the autopilot is set to fly by `ODOMETRY`."""
     battery_remaining: float = 1.0
@@ -294,6 +294,10 @@ class Simulator:
     def inject(self, unit: FailureUnit, failure: FailureKind) -> RequestVerdict:
         """Makes something fail, or repairs it."""
         return inject(self.sensors, self.autopilot, unit, failure)
+
+    def correct(self, corrections: bytes) -> None:
+        """Passes corrections of a base to the satellite receiver."""
+        self.sensors.correct(corrections, self.now_s)
 
     # -- inside -------------------------------------------------------------------------------------------------------
 

@@ -179,9 +179,10 @@ def test_a_bare_vehicle_is_asked_a_few_times_for_what_it_does_not_tell() -> None
         scene.memories[0].b.on_data = handle
         Autopilot(scene.memories[0], PX4)
         await scene.pass_s(60.0)
-        assert len(requested) == 4 * 5
+        assert len(requested) == 4 * 6
         assert set(requested) == {
             (511, 1.0, 1e6),
+            (511, 24.0, 1e6),
             (511, 30.0, 1e6),
             (511, 33.0, 1e6),
             (511, 74.0, 1e6),

@@ -1,6 +1,6 @@
 """The MAVLink microservices, client and server beside each other, without I/O or a clock of their own.
 
-Missions, parameters, files, logs, commands, calibration, time, versions, heartbeats and status texts.
+Missions, parameters, files, logs, commands, calibration, corrections, time, versions, heartbeats and status texts.
 """
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "command",
     "command_client",
     "command_server",
+    "corrections",
     "heartbeat",
     "interval",
     "mission_client",

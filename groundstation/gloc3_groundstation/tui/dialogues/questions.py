@@ -113,19 +113,26 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | Action | None]):
 
 
 class TextQuestion(ModalScreen[str | None]):
-    """A line of text; none where it was left."""
+    """A line of text; none where it was left.
+
+    Args:
+        question: what is asked.
+        value: the text to begin with.
+        hint: examples.
+        is_secret: whether the text is not shown.
+    """
 
     BINDINGS = [Binding("escape", "leave", "Leave")]
 
-    def __init__(self, question: str, value: str = "", hint: str = "") -> None:
+    def __init__(self, question: str, value: str = "", hint: str = "", *, is_secret: bool = False) -> None:
         super().__init__()
-        self._question, self._value, self._hint = question, value, hint
+        self._question, self._value, self._hint, self._is_secret = question, value, hint, is_secret
 
     def compose(self) -> ComposeResult:
         """The question and the line."""
         with Vertical(classes="question"):
             yield Static(self._question, markup=False)
-            yield Input(self._value)
+            yield Input(self._value, password=self._is_secret)
             yield choices(("enter", "go on"), ("esc", "cancel"), hint=self._hint)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:

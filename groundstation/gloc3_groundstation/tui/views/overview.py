@@ -11,6 +11,7 @@ from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chain import SIGNS
 from gloc3_groundstation.tui.views.chrome import battery, tone_of
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
+from gloc3_groundstation.tui.views.corrections import correction_rows
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, wrapped
 from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
@@ -100,6 +101,7 @@ def detail_lines(view: StationView) -> list[Line]:
             snapshot.insert(0, ("failsafe" if vehicle.is_failsafe else "pilot", Span("HAS CONTROL", stale or Tone.BAD)))
         if vehicle.frame:
             snapshot.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
+    snapshot += correction_rows(view)
     return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in snapshot]
 
 

@@ -7,6 +7,7 @@ from gloc3.mavlink import codec
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.services.command_server import MavCommandRequest
+from gloc3.mavlink.services.corrections import CorrectionAssembler
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
 from gloc3.mavlink.services.version import ProtocolCapability, Version, version_number
 from gloc3.messages.envelope import Severity
@@ -180,6 +181,8 @@ class FrontContext:
         self.heading_offset: Final = HeadingOffset()
         """Between an odometer's frame and north."""
         self.accelerometer: Final = AccelerometerPositions(self.craft)
+        self.corrections: Final = CorrectionAssembler()
+        """Corrections for the satellite receiver, whose pieces are still coming."""
         self.health: HealthReporter | None = None
         """Reports the arming checks, where the style does so by events."""
         autopilot.parameters.on_change.append(self._parameter_changed)

@@ -153,6 +153,14 @@ def _origin(context: FrontContext, message: MavlinkMessage, sender: Address) -> 
     context.set_origin(GeoPoint(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3))
 
 
+def _corrections(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
+    """GPS_RTCM_DATA: the receiver gets whole frames alone."""
+    del sender
+    whole = context.corrections.receive(message)
+    if whole:
+        context.autopilot.surroundings.correct(whole)
+
+
 def _signing(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     del sender
     problem = context.signing.set_up(message, is_armed=context.craft.is_armed)
@@ -163,6 +171,7 @@ def _signing(context: FrontContext, message: MavlinkMessage, sender: Address) ->
 LISTENERS: Final[Mapping[str, Listener]] = {
     "ATT_POS_MOCAP": mocap,
     "FOLLOW_TARGET": _target,
+    "GPS_RTCM_DATA": _corrections,
     "HEARTBEAT": _heartbeat,
     "MANUAL_CONTROL": _manual_control,
     "MISSION_ITEM": _guided_item,

@@ -93,3 +93,5 @@ async def serving(caster: Caster, context: ssl.SSLContext | None = None) -> Asyn
         server.close()
         for writer in caster.connected:
             writer.transport.abort()
+        while caster.connected:
+            await asyncio.sleep(0.01)

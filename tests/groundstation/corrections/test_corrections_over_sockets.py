@@ -93,7 +93,7 @@ async def test_a_rover_gets_rtk_from_a_caster_and_loses_it_with_an_alert(
             assert causes(ground)[0].startswith("no RTK corrections for more than 10 s")
             caster.is_sending = True
             await until(lambda: fix_of(ground, name) == 6)
-            assert causes(ground) == []
+            await until(lambda: causes(ground) == [])
             await ground.corrections.stop()
             assert ground.station.fleet.corrections is None
             texts = [event.text for event in ground.station.fleet.events]

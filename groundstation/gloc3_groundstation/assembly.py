@@ -35,6 +35,7 @@ from gloc3_groundstation.store.contact_queue import ContactQueue
 from gloc3_groundstation.store.event_store import EventStore
 from gloc3_groundstation.store.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
 from gloc3_groundstation.store.recording import SessionRecording
+from gloc3_groundstation.traffic.traffic import Traffic
 
 DESCRIPTIONS: Final = "descriptions"
 """Folder for descriptions of parameters that vehicles have sent, in that of the records."""
@@ -98,6 +99,7 @@ class GroundStation:
         self.links: Final = Links(self._link_context(report or self._warn), setup.signing_key)
         self.station.round_trip_s = self.links.round_trip_s
         self.vehicles: Final = Vehicles(self.station, self.links.routes)
+        self.traffic: Final = Traffic(self.station, self.links.routes)
         self.corrections: Final = Corrections(self.station, self.vehicles.best_links)
         descriptions = None if setup.record is None else setup.record / DESCRIPTIONS
         self.services: Final = ServicesDesk(self.station, self.vehicles.reach, setup.downloads, descriptions)
@@ -170,6 +172,7 @@ class GroundStation:
 
     async def close(self) -> None:
         """Closes everything; vehicles are left to their policies."""
+        self.traffic.close()
         await self.corrections.stop()
         self.vehicles.close()
         if self._queue is not None:

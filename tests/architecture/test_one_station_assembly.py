@@ -52,7 +52,7 @@ def parts(setup: StationSetup) -> tuple[str, ...]:
 
 def test_what_a_flight_s_station_lacks_is_listed_with_the_reason(tmp_path: Path) -> None:
     flown, real = parts(StationSetup(boot=1)), parts(StationSetup(boot=1, record=tmp_path))
-    assert flown == ("Station", "EventsDesk", "Links", "Vehicles", "Corrections", "ServicesDesk")
+    assert flown == ("Station", "EventsDesk", "Links", "Vehicles", "Traffic", "Corrections", "ServicesDesk")
     assert set(real) - set(flown) <= set(NOT_IN_FLIGHTS)
     modules = pkgutil.walk_packages(gloc3_groundstation.__path__, "gloc3_groundstation.")
     known = {name for module in modules for name in vars(importlib.import_module(module.name))}

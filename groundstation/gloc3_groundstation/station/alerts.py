@@ -194,6 +194,9 @@ def causes(fleet: Fleet, now_s: float) -> Iterator[AlertCause]:
         yield from _vehicle_causes(platform, now_s, is_settled=is_settled)
         yield from _component_causes(platform, is_settled=is_settled)
         yield from _corrections_cause(platform, fleet, now_s)
+        for encounter in fleet.encounters:
+            if encounter.platform == platform.name and encounter.severity is not None:
+                yield AlertCause(platform.name, f"traffic {encounter.key}", encounter.severity, f"traffic {encounter}")
 
 
 def _corrections_cause(platform: PlatformSnapshot, fleet: Fleet, now_s: float) -> Iterator[AlertCause]:

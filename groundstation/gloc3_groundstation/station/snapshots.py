@@ -153,6 +153,57 @@ class CorrectionsSnapshot(msgspec.Struct, frozen=True, kw_only=True):
         return None if self.received_s is None else now_s - self.received_s
 
 
+class TrafficContact(msgspec.Struct, frozen=True, kw_only=True):
+    """Another aircraft or drone, as it was reported last."""
+
+    key: str
+    """Identity: `adsb` with its address, or `rid` with that of the sender of its Remote ID."""
+    name: str = ""
+    """Callsign or serial number; empty where it is not told."""
+    place: tuple[float, float]
+    """Latitude and longitude, degrees."""
+    altitude_m: float | None = None
+    """As reported: by pressure, or above the ellipsoid; it may differ from the vehicles' by 100 m."""
+    velocity_ne_m_s: tuple[float, float] | None = None
+    """To north and east; None where it is not told."""
+    climb_m_s: float | None = None
+    received_s: float
+    """For which time its position is valid."""
+
+    @property
+    def label(self) -> str:
+        """Name for people."""
+        return self.name or self.key.partition(" ")[2][:12]
+
+
+class Encounter(msgspec.Struct, frozen=True, kw_only=True):
+    """Traffic near a vehicle; as text: `SWR123: 400 m away, 30 m above, closing`."""
+
+    platform: str
+    key: str
+    """Of the contact."""
+    name: str
+    distance_m: float
+    """Horizontal."""
+    above_m: float | None
+    """Height over the vehicle; None where the contact's is not told."""
+    is_closing: bool
+    """Whether it will pass close by soon, as both move now."""
+    severity: Severity | None = None
+    """Of the alert; None where it is none."""
+
+    def __str__(self) -> str:
+        far = round(self.distance_m / 50.0) * 50 if self.distance_m >= 100.0 else 10 * round(self.distance_m / 10.0)
+        away = f"{far} m" if far < 1000 else f"{far / 1000.0:.1f} km"
+        if self.above_m is None:
+            height = "height not told"
+        elif abs(self.above_m) < 5.0:
+            height = "same height"
+        else:
+            height = f"{abs(round(self.above_m, -1)):.0f} m {'above' if self.above_m > 0.0 else 'below'}"
+        return f"{self.name}: {away} away, {height}{', closing' if self.is_closing else ''}"
+
+
 class VehicleProblem(msgspec.Struct, frozen=True, kw_only=True):
     """A problem of a vehicle detected by the station, while it lasts."""
 
@@ -348,6 +399,10 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """The last ones, oldest first."""
     corrections: CorrectionsSnapshot | None = None
     """RTK corrections; None where the station takes none."""
+    traffic: tuple[TrafficContact, ...] = ()
+    """Other aircraft and drones."""
+    encounters: tuple[Encounter, ...] = ()
+    """Those near vehicles: of each vehicle the worst and nearest first."""
     event_count: int = 0
     """Of all events so far, those that are no longer kept included."""
 

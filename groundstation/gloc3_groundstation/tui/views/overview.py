@@ -12,6 +12,7 @@ from gloc3_groundstation.tui.views.chain import SIGNS
 from gloc3_groundstation.tui.views.chrome import battery, tone_of
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
 from gloc3_groundstation.tui.views.corrections import correction_rows
+from gloc3_groundstation.tui.views.mission.traffic import traffic_tone
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, wrapped
 from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
@@ -34,6 +35,8 @@ GOOD_PERCENT: Final = 50
 NARROW_ALERTS: Final = 60
 """Columns below which an alert's severity has no column of its own."""
 SEVERITY: Final = 9
+MOST_TRAFFIC: Final = 3
+"""Lines of traffic."""
 SLOW_TRIP_S: Final = 1.0
 """Round trip from which the operator is warned of delayed keys."""
 
@@ -102,6 +105,9 @@ def detail_lines(view: StationView) -> list[Line]:
         if vehicle.frame:
             snapshot.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
     snapshot += correction_rows(view)
+    near = [one for one in view.fleet.encounters if one.platform == platform.name][:MOST_TRAFFIC]
+    for number, one in enumerate(near):
+        snapshot.append(("" if number else "traffic", Span(str(one), traffic_tone(one))))
     return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in snapshot]
 
 

@@ -14,6 +14,7 @@ from gloc3_groundstation.mapping.requested import ActionPath, Requested
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.view import StationView
+from gloc3_groundstation.tui.views.mission.traffic import TRAFFIC_SIGN, draw_traffic
 from gloc3_groundstation.tui.widgets.canvas import CELL, CellCanvas
 from gloc3_groundstation.tui.widgets.lines import ONE_OF_MANY, Line, Span, Tone
 
@@ -73,6 +74,7 @@ def map_lines(chart: Chart, width: int, height: int) -> list[Line]:
     if chart.request is not None:
         _draw_waypoints(canvas, chart, chart.request, own)
     _draw_home(canvas, chart, own)
+    draw_traffic(canvas, chart.view, chart.ground, chart.projection)
     for number, platform, place in chart.placed:
         _draw_vehicle(canvas, chart, number, platform, place)
     _draw_frame(canvas, chart)
@@ -370,4 +372,6 @@ def legend_lines(chart: Chart) -> list[Line]:
         if request.fence.keep_out:
             rows.append(("⢌⢢⢌", Tone.BAD, "keep out"))
     rows += [(" ⌂ ", Tone.GOOD, "home"), (" × ", Tone.STRONG, "setpoint"), ("⠊⠒⠑", Tone.DIM, "95 % sure")]
+    if chart.view.fleet.traffic:
+        rows.append((f" {TRAFFIC_SIGN} ", Tone.WARN, "traffic"))
     return [(Span(f" {sign} ", tone), Span(text, Tone.DIM)) for sign, tone, text in rows]

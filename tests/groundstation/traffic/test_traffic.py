@@ -281,7 +281,7 @@ def test_the_overview_and_the_map_show_what_is_near() -> None:
     lines = texts(detail_lines(shown))
     assert lines[-2:] == [
         " traffic   SWR123: 400 m away, 30 m above, closing",
-        f"{' ' * 11}DRONE: 950 m away, 30 m above",
+        f"{' ' * 11}DRONE: 950 m away, 30 m above, closing",
     ]
     drawn = "\n".join(
         texts(map_lines(Chart(shown, Ground(shown.platform), Projection(0.0, 0.0, 10.0, 0.0, 160, 160)), 80, 40))

@@ -7,10 +7,11 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
-from gloc3.mavlink.codec import message
+from gloc3.mavlink.codec import Encoder, message
 from gloc3.messages.command_interface import Hello, Outcome, Preflight, RequestAction, Steer, Verb
 from gloc3.messages.preflight import Check, PreflightReport, Verdict, red
 from gloc3.messages.software import own_software
+from gloc3_sitl.vehicles.simulator import LinkKind
 
 LINK_LOSS = {"px4": "NAV_DLL_ACT", "ardupilot": "FS_GCS_ENABLE"}
 RETURNS = {"px4": 2.0, "ardupilot": 1.0}
@@ -165,3 +166,18 @@ def test_a_sensor_has_a_line_that_tells_when_it_falls_silent(flight: Card) -> No
     lost = checks(flight)["sensors: ground_camera"]
     assert lost.verdict is Verdict.WARNING
     assert lost.finding.startswith("no data for ")
+
+
+@pytest.mark.both_styles
+def test_a_remote_id_that_lacks_the_operator_s_position_refuses_the_start_until_it_is_sent(flight: Card) -> None:
+    ready(flight, parameters={"COM_ARM_ODID" if flight.style == "px4" else "DID_ENABLE": 1.0})
+    flight.wait(2.0)
+    line = checks(flight)["autopilot: remote id"]
+    assert (line.verdict, line.finding) == (Verdict.RED, "not good to arm: operator location missing")
+    assert "a check is red: autopilot: remote id" in flight.request(Steer(verb=Verb.START)).reason
+    send = flight.flight.simulator.attach(lambda _: None, LinkKind.GROUND)
+    where = {"operator_latitude": 473977000, "operator_longitude": 85456000}
+    send(Encoder(250, 190).encode(message("OPEN_DRONE_ID_SYSTEM", **where)))
+    flight.wait(2.0)
+    assert checks(flight)["autopilot: remote id"].verdict is Verdict.OK
+    flight.command("start")

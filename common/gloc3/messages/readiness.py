@@ -41,6 +41,8 @@ class AutopilotSetup(Message, frozen=True):
     """Number of rally points (PX4: safe points) that it holds; None where that was not read, or a parameter counts them."""
     clock_rate: float = 1.0
     """Its seconds in one of ours, where its clock is much too fast for ours, as in a simulation at a higher speed; else 1."""
+    remote_id: str | None = None
+    """Why its Remote ID is not good to arm; empty where it is, None where there is none that reports."""
 
 
 class LinkCondition(msgspec.Struct, frozen=True, array_like=True):

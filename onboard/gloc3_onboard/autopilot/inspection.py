@@ -27,6 +27,9 @@ OFFICIAL: Final = 255
 REPORTED_SEVERITY: Final = ("AUTOPILOT_VERSION", "SYSTEM_TIME")
 """Messages requested once per reading."""
 
+REMOTE_ID_SILENT_S: Final = 10.0
+"""Silence of a Remote ID that has reported, after which it counts as failed, s."""
+REMOTE_ID_SILENT: Final = f"it has not reported for {REMOTE_ID_SILENT_S:.0f} s"
 RALLY_S: Final = 3.0
 """Longest wait for the rally points, s: fences and plans wait behind them."""
 
@@ -43,7 +46,7 @@ class Inspection(Microservice[AutopilotSetup]):
         plans: the mission protocol; likewise, with `transferred`.
     """
 
-    handles = ParameterClient.handles | {*REPORTED_SEVERITY, "SYS_STATUS"}
+    handles = ParameterClient.handles | {*REPORTED_SEVERITY, "SYS_STATUS", "OPEN_DRONE_ID_ARM_STATUS"}
 
     def __init__(self, own: Address, commands: MavCommandClient, plans: MissionClient) -> None:
         super().__init__(own)
@@ -65,6 +68,8 @@ class Inspection(Microservice[AutopilotSetup]):
         self._is_reading = False
         self._number = 0
         self._next_number: int | None = None
+        self._remote_id_s = 0.0
+        """When the Remote ID reported last."""
 
     def adopt(self, target: Address, style: Style, vehicle: VehicleClass, names: Sequence[str], now_s: float) -> None:
         """Handles a new or restarted autopilot: reads everything, the given parameters by name."""
@@ -109,6 +114,11 @@ class Inspection(Microservice[AutopilotSetup]):
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Handles the autopilot's messages."""
+        if message.name == "OPEN_DRONE_ID_ARM_STATUS":  # the transmitter is a component of its own
+            if self._target is not None and sender.system == self._target.system:
+                self._remote_id_s = now_s
+                self._set(remote_id=_remote_id(message))
+            return
         if sender != self._target:
             return
         match message.name:
@@ -160,6 +170,8 @@ class Inspection(Microservice[AutopilotSetup]):
     def tick(self, now_s: float) -> None:
         """Sends the next requests."""
         self._parameters.tick(now_s)
+        if self.setup.remote_id is not None and now_s - self._remote_id_s >= REMOTE_ID_SILENT_S:
+            self._set(remote_id=REMOTE_ID_SILENT)
         self._follow(now_s)
 
     def _follow(self, now_s: float) -> None:
@@ -213,8 +225,18 @@ class Inspection(Microservice[AutopilotSetup]):
 
     def next_tick_s(self) -> float | None:
         """When one of its questions is due."""
-        return earliest(self._parameters.next_tick_s())
+        is_reporting = self.setup.remote_id not in (None, REMOTE_ID_SILENT)
+        silent_s = self._remote_id_s + REMOTE_ID_SILENT_S if is_reporting else None
+        return earliest(self._parameters.next_tick_s(), silent_s)
 
     def outgoing(self) -> list[MavlinkMessage]:
         """What the parameter protocol wants to send; commands go by their own client."""
         return self._parameters.outgoing()
+
+
+def _remote_id(message: MavlinkMessage) -> str:
+    """Why a Remote ID is not good to arm; empty where it is."""
+    if message.status == 0:
+        return ""
+    error = "".join(one for one in message.error if one.isprintable()).strip()
+    return error or f"it gives no reason (status {message.status})"

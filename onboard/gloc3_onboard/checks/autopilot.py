@@ -36,6 +36,7 @@ def autopilot_checks(readings: Readings) -> Iterator[Check]:
     yield Check(GROUP, "answers", Verdict.OK, f"{what}, mode {state.mode_name or 'unknown'}")
     yield from _vehicle(readings, state)
     yield _arming(state)
+    yield from _remote_id(readings)
     yield from _estimator(state)
     yield _battery(readings, state)
     yield _firmware(readings)
@@ -61,6 +62,16 @@ def _arming(state: AutopilotState) -> Check:
     reasons = "; ".join([*state.reasons, *state.doubts]) or "it gives no reason"
     advice = "correct what it reports" if state.reasons else "wait until it is ready; its own messages say more"
     return Check(GROUP, "ready to arm", Verdict.RED, reasons, advice, may_settle=True)
+
+
+def _remote_id(readings: Readings) -> Iterator[Check]:
+    """Whether its Remote ID is good to arm, where it has one that reports (OPEN_DRONE_ID_ARM_STATUS)."""
+    problem = readings.setup.remote_id if readings.setup is not None else None
+    if problem:
+        advice = "set up or repair the Remote ID; it often needs the operator's position, from a program that sends it"
+        yield Check(GROUP, "remote id", Verdict.RED, f"not good to arm: {problem}", advice, may_settle=True)
+    elif problem is not None:
+        yield Check(GROUP, "remote id", Verdict.OK, "good to arm")
 
 
 def _estimator(state: AutopilotState) -> Iterator[Check]:

@@ -156,6 +156,8 @@ class Craft:
     """Whether there is water in the hull."""
     fault: str = ""
     """Description of a hardware fault, which blocks arming; empty for none."""
+    has_operator_place: bool = False
+    """Whether the Remote ID knows where the operator is."""
     last_setpoint: Setpoint = LANDED
     runway_rad: float = 0.0
     """Ground course of the latest take-off, for landings on wings."""

@@ -17,7 +17,7 @@ from gloc3.mavlink.services.parameter_server import ParameterServer
 from gloc3.mavlink.services.plan import PlanItem, PlanType
 from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, version_number
 from gloc3.messages.vehicle import Style, VehicleClass
-from gloc3_onboard.autopilot.inspection import RALLY_S, Inspection
+from gloc3_onboard.autopilot.inspection import RALLY_S, REMOTE_ID_SILENT_S, Inspection
 
 OWN, VEHICLE = Address(1, 191), Address(1, 1)
 NAMES = ("NAV_DLL_ACT", "COM_DL_LOSS_T", "NEVER_HEARD_OF")
@@ -196,3 +196,25 @@ def test_rally_points_that_do_not_come_hold_nothing_up() -> None:
     rig.adopt()
     rig.run(RALLY_S + 1.0)
     assert (rig.inspection.setup.is_complete, rig.inspection.setup.rally_points) == (True, None)
+
+
+def test_a_remote_id_tells_whether_it_is_good_to_arm_and_counts_as_failed_when_it_falls_silent() -> None:
+    rig = Rig()
+    transmitter = Address(VEHICLE.system, 236)
+    rig.adopt()
+    rig.run(1.0)
+    assert rig.inspection.setup.remote_id is None, "there is none"
+    bad = message("OPEN_DRONE_ID_ARM_STATUS", status=1, error="no \x1b[31moperator location")
+    rig.inspection.receive(bad, Address(VEHICLE.system + 1, 236), rig.now_s)
+    assert rig.inspection.setup.remote_id is None, "it is another vehicle's"
+    rig.inspection.receive(bad, transmitter, rig.now_s)
+    assert rig.inspection.setup.remote_id == "no [31moperator location"
+    rig.inspection.receive(message("OPEN_DRONE_ID_ARM_STATUS", status=1), transmitter, rig.now_s)
+    assert rig.inspection.setup.remote_id == "it gives no reason (status 1)"
+    rig.inspection.receive(message("OPEN_DRONE_ID_ARM_STATUS", status=0, error="x"), VEHICLE, rig.now_s)
+    assert rig.inspection.setup.remote_id == ""
+    rig.run(REMOTE_ID_SILENT_S - 0.5)
+    assert rig.inspection.setup.remote_id == ""
+    rig.run(1.0)
+    assert rig.inspection.setup.remote_id == "it has not reported for 10 s"
+    assert rig.inspection.next_tick_s() is None

@@ -394,3 +394,13 @@ def test_a_host_that_speaks_differently_is_red_and_one_that_knows_the_time_badly
     lines = found(platform=with_hosts(), hosts=known)
     assert lines["components: host vision"].verdict is Verdict.RED
     assert lines["components: host base: time"].verdict is Verdict.WARNING
+
+
+def test_a_remote_id_that_is_not_good_to_arm_is_red_and_one_that_is_silent_for_ever_is_no_line() -> None:
+    assert "autopilot: remote id" not in found()
+    good, bad = (
+        found(setup=setup(remote_id=problem))["autopilot: remote id"] for problem in ("", "operator location missing")
+    )
+    assert (good.verdict, good.finding) == (Verdict.OK, "good to arm")
+    assert (bad.verdict, bad.finding) == (Verdict.RED, "not good to arm: operator location missing")
+    assert bad.advice

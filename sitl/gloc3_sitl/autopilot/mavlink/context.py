@@ -31,6 +31,7 @@ _SLOW: Final = {
     "HOME_POSITION": 0.5,
     "MISSION_CURRENT": 1.0,
     "SYSTEM_TIME": 1.0,
+    "OPEN_DRONE_ID_ARM_STATUS": 1.0,
 }
 
 _DEFAULTS: Final[Mapping[str, Mapping[LinkKind, Mapping[str, float]]]] = {
@@ -61,8 +62,9 @@ _DEFAULTS: Final[Mapping[str, Mapping[LinkKind, Mapping[str, float]]]] = {
             "POSITION_TARGET_LOCAL_NED": 1.0,
         },
     },
-    # ArduPilot is silent until somebody asks, by SET_MESSAGE_INTERVAL, REQUEST_DATA_STREAM or a stream parameter.
-    "ardupilot": {},
+    # ArduPilot is silent until somebody asks, by SET_MESSAGE_INTERVAL, REQUEST_DATA_STREAM or a stream parameter; what a
+    # Remote ID sends it passes on.
+    "ardupilot": {kind: {"OPEN_DRONE_ID_ARM_STATUS": 1.0} for kind in LinkKind},
 }
 _COMMON: Final = (
     ProtocolCapability.MISSION_INT

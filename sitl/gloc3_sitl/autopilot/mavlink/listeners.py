@@ -161,6 +161,12 @@ def _corrections(context: FrontContext, message: MavlinkMessage, sender: Address
         context.autopilot.surroundings.correct(whole)
 
 
+def _operator(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
+    """OPEN_DRONE_ID_SYSTEM: where the operator is."""
+    del sender
+    context.craft.has_operator_place = (message.operator_latitude, message.operator_longitude) != (0, 0)
+
+
 def _signing(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     del sender
     problem = context.signing.set_up(message, is_armed=context.craft.is_armed)
@@ -177,6 +183,7 @@ LISTENERS: Final[Mapping[str, Listener]] = {
     "MISSION_ITEM": _guided_item,
     "MISSION_ITEM_INT": _guided_item,
     "ODOMETRY": odometry,
+    "OPEN_DRONE_ID_SYSTEM": _operator,
     "RC_CHANNELS_OVERRIDE": _override,
     "REQUEST_DATA_STREAM": _data_stream,
     "SERIAL_CONTROL": _shell,

@@ -122,6 +122,14 @@ def extended_sys_state(autopilot: "Autopilot") -> MavlinkMessage:
     return message("EXTENDED_SYS_STATE", vtol_state=form, landed_state=landed)
 
 
+def remote_id_status(autopilot: "Autopilot") -> MavlinkMessage | None:
+    """OPEN_DRONE_ID_ARM_STATUS of a Remote ID that needs the operator's position; None where it is switched off."""
+    if not any(autopilot.parameters[name] for name in ("COM_ARM_ODID", "DID_ENABLE") if name in autopilot.parameters):
+        return None
+    error = "" if autopilot.craft.has_operator_place else "operator location missing"
+    return message("OPEN_DRONE_ID_ARM_STATUS", status=int(bool(error)), error=error)
+
+
 def home_position(autopilot: "Autopilot") -> MavlinkMessage | None:
     """HOME_POSITION; None without a home."""
     home = autopilot.craft.home

@@ -33,6 +33,7 @@ _PRODUCERS: Final[dict[str, Producer]] = {
     "LOCAL_POSITION_NED": motion_telemetry.local_position,
     "MISSION_CURRENT": state_telemetry.mission_current,
     "ODOMETRY": output_telemetry.odometry_out,
+    "OPEN_DRONE_ID_ARM_STATUS": state_telemetry.remote_id_status,
     "ORBIT_EXECUTION_STATUS": output_telemetry.orbit_status,
     "POSITION_TARGET_LOCAL_NED": motion_telemetry.position_target,
     "RAW_IMU": output_telemetry.raw_imu,

@@ -55,6 +55,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     # Identity and links
     whole("MAV_SYSID", 1, 1, 255, "MAVLink system id", kind=ParameterKind.INT16),
     whole("MAV_GCS_SYSID", 255, 1, 255, "system id of my ground station", "station_system", kind=ParameterKind.INT16),
+    whole("DID_ENABLE", 0, 0, 1, "Remote ID; arming is not refused for it", kind=ParameterKind.INT8),
     whole("FRAME_CLASS", 1, 0, 17, "frame: quad", kind=ParameterKind.INT8),
     whole("FRAME_TYPE", 1, 0, 19, "frame: X", kind=ParameterKind.INT8),
     whole("MAV1_POSITION", 0, 0, 50, "stream rate of positions, Hz", kind=ParameterKind.INT16),

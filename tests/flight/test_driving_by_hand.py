@@ -9,7 +9,8 @@ from tests.flight.card import Card
 from gloc3.messages.command_interface import Outcome
 from gloc3.messages.frames import yaw_of
 from gloc3.messages.teleoperation import EXPIRES_S
-from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, StickDemand
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl
+from gloc3_groundstation.joysticks.device import StickDemand
 
 MISSION = """\
 mission: by hand

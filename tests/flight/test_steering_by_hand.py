@@ -11,7 +11,8 @@ from tests.flight.card import Card
 from gloc3.messages.command_interface import Control, ControlVerb, Outcome
 from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
 from gloc3.messages.vehicle import Pose
-from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl, StickDemand
+from gloc3_groundstation.desk.teleoperation import FullSpeed, HandControl
+from gloc3_groundstation.joysticks.device import StickDemand
 
 MISSION = """\
 mission: by hand

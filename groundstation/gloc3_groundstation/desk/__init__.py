@@ -9,7 +9,6 @@ __all__ = [
     "desk",
     "events_desk",
     "flights",
-    "gamepad",
     "mission_desk",
     "parameter_desk",
     "plan_desk",

@@ -20,6 +20,7 @@ from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.desk.preflight_desk import PreflightDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.desk.vehicle_commands import VehicleCommands
+from gloc3_groundstation.joysticks.mapping import JoystickMapping
 from gloc3_groundstation.missions.first_waypoint import far_away
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import alerts
@@ -93,7 +94,9 @@ class Desk:
         """Missions that wait for the next contact."""
         self._author = author
         self.gamepad = ""
-        """The device of a gamepad; empty for none."""
+        """The device of a joystick; empty for every joystick."""
+        self.joysticks: dict[str, JoystickMapping] = {}
+        """Mappings of joysticks, by the key of the device."""
         self._streamed: dict[str, tuple[int, str]] = {}
         self._far_ok: set[tuple[str, str]] = set()
         """Platforms and missions whose distance the operator has confirmed."""

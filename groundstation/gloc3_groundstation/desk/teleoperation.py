@@ -1,26 +1,15 @@
 """The station's half of teleoperation: sends demands at 10 Hz while the dead-man's key is held."""
 
 import asyncio
+from abc import ABC, abstractmethod
 from typing import Final, NamedTuple
 
 from gloc3.messages.teleoperation import DEMAND_HZ, VelocityDemand
+from gloc3_groundstation.joysticks.device import StickDemand
 from gloc3_groundstation.station.command_client import CommandClient
 
 RELEASES: Final = 3
 """Number of times that the release of the key is sent; if all are lost, the last demand expires onboard."""
-
-
-class StickDemand(NamedTuple):
-    """Demand on each axis, -1 to 1."""
-
-    surge: float = 0.0
-    """Ahead."""
-    sway: float = 0.0
-    """To the right."""
-    heave: float = 0.0
-    """Up."""
-    yaw: float = 0.0
-    """Clockwise."""
 
 
 class FullSpeed(NamedTuple):
@@ -31,28 +20,17 @@ class FullSpeed(NamedTuple):
     turn_deg_s: float = 20.0
 
 
-class HandControl:
-    """One teleoperation session of one platform.
+class Hand(ABC):
+    """The operator's hand on the sticks: what it demands is sent while the dead-man's key is held.
 
     Args:
-        client: sends the demands of the station.
         loop: the event loop, for time and timers.
-        platform: name of the controlled one.
-        full: speeds at full stick deflection.
+        rate_hz: how often the demand is sent.
+        rests: whether the centred sticks are sent on after the key was released, until the hand is closed.
     """
 
-    def __init__(
-        self,
-        client: CommandClient,
-        loop: asyncio.AbstractEventLoop,
-        platform: str,
-        full: FullSpeed = FullSpeed(),  # noqa: B008 - immutable
-    ) -> None:
-        self.platform: Final = platform
-        self.session: Final = client.new_session()
-        self.sent = 0
-        """Demands so far; the number of the next one."""
-        self._client, self._loop, self._full = client, loop, full
+    def __init__(self, loop: asyncio.AbstractEventLoop, rate_hz: float, *, rests: bool = False) -> None:
+        self._loop, self._period_s, self._rests = loop, 1.0 / rate_hz, rests
         self._sticks = StickDemand()
         self._kept_until_s = float("-inf")
         self._releases = 0
@@ -95,6 +73,10 @@ class HandControl:
             self._releases = 0
             self._send(StickDemand())
 
+    @abstractmethod
+    def _send(self, sticks: StickDemand) -> None:
+        """Sends a demand."""
+
     def _cancel(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
@@ -106,11 +88,36 @@ class HandControl:
         if self.is_kept:
             self._send(self._sticks)
         elif self._releases:
-            self._releases -= 1
+            self._releases -= not self._rests
             self._send(StickDemand())
         else:
             return
-        self._timer = self._loop.call_later(1.0 / DEMAND_HZ, self._tick)
+        self._timer = self._loop.call_later(self._period_s, self._tick)
+
+
+class HandControl(Hand):
+    """One teleoperation session of one platform.
+
+    Args:
+        client: sends the demands of the station.
+        loop: the event loop, for time and timers.
+        platform: name of the controlled one.
+        full: speeds at full stick deflection.
+    """
+
+    def __init__(
+        self,
+        client: CommandClient,
+        loop: asyncio.AbstractEventLoop,
+        platform: str,
+        full: FullSpeed = FullSpeed(),  # noqa: B008 - immutable
+    ) -> None:
+        super().__init__(loop, DEMAND_HZ)
+        self.platform: Final = platform
+        self.session: Final = client.new_session()
+        self.sent = 0
+        """Demands so far; the number of the next one."""
+        self._client, self._full = client, full
 
     def _send(self, sticks: StickDemand) -> None:
         full = self._full

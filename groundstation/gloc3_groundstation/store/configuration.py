@@ -18,6 +18,7 @@ from tomlkit.exceptions import TOMLKitError
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.store import replace_file
 from gloc3_groundstation.corrections.source_url import parse_source
+from gloc3_groundstation.joysticks.mapping import JoystickMapping
 
 ThemeName = Literal["dark", "daylight", "mono"]
 DEFAULT_LINK: Final = "udpin://127.0.0.1:14550"
@@ -48,7 +49,9 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     downloads: str = ""
     """Folder for downloads from vehicles; empty for the one in which the station was started."""
     gamepad: str = ""
-    """The device of a gamepad for steering by hand, such as `/dev/input/js0`; empty for none."""
+    """The device of a joystick for steering by hand, such as `/dev/input/js0`; empty for every joystick."""
+    joysticks: Mapping[str, JoystickMapping] = {}
+    """Mappings of joysticks, by the key of the device; written by the mapping dialogue."""
     session: LastSession = LastSession()
 
     def with_mission(self, file: str) -> "Configuration":
@@ -178,7 +181,7 @@ def _place(text: str, table: str, name: str) -> tuple[int, int]:
             if not table and here == name:
                 return number, line.index(here) + 1
         found = re.match(rf"""(\s*)["']?(?:{re.escape(table)}\.)?{re.escape(name)}["']?\s*[=.]""", line)
-        if found and here in (table, ""):
+        if found and (here in (table, "") or (table and here.startswith(f"{table}."))):
             return number, len(found.group(1)) + 1
     return 0, 0
 
@@ -187,9 +190,11 @@ def _merge(document: Any, before: dict[str, Any], after: dict[str, Any]) -> None
     """Sets in a document what differs between two configurations."""
     for name, value in after.items():
         if isinstance(value, dict):
-            if value != before[name]:
+            if value != before.get(name):
                 if name not in document:
                     document[name] = tomlkit.table()
-                _merge(document[name], before[name], value)
-        elif value != before[name]:
+                _merge(document[name], before.get(name, {}), value)
+        elif value != before.get(name):
             document[name] = list(value) if isinstance(value, tuple) else value
+    for name in before.keys() - after.keys():
+        document.pop(name, None)

@@ -99,7 +99,7 @@ class StationApp(App[End | None]):
         self.desk: Final = desk
         self._configuration = configuration
         desk.missions.recent = configuration.session.missions
-        desk.gamepad = configuration.gamepad
+        desk.gamepad, desk.joysticks = configuration.gamepad, dict(configuration.joysticks)
         self._is_monochrome = is_monochrome
         self._in_view = InView(opening.platform, configuration.session.platform)
         self._waiting_for = waiting_for
@@ -137,7 +137,7 @@ class StationApp(App[End | None]):
         theme = self._configuration.theme if self._is_monochrome else cast("ThemeName", self.theme)
         last = self._configuration.session
         session = replace(last, platform=self._in_view.name, screen=screen, missions=self.desk.missions.recent)
-        return replace(self._configuration, theme=theme, session=session)
+        return replace(self._configuration, theme=theme, session=session, joysticks=self.desk.joysticks)
 
     # --- what is shown ---
 

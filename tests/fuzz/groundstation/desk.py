@@ -5,7 +5,9 @@ from typing import Any
 from tests.fuzz.target import as_file, fuzz_target, refuses
 
 from gloc3_groundstation.cli.script import parse_command
-from gloc3_groundstation.desk.gamepad import GamepadState
+from gloc3_groundstation.joysticks.defaults import XBOX, default_mapping
+from gloc3_groundstation.joysticks.device import JoystickDevice
+from gloc3_groundstation.joysticks.linux_reader import EventState
 from gloc3_groundstation.store.configuration import ConfigurationFile
 from gloc3_groundstation.web.terminal_view import LARGEST, Glass, TerminalView
 
@@ -29,14 +31,16 @@ def script_command(data: bytes) -> None:
     refuses(lambda: parse_command(data.decode("utf-8", "replace")))
 
 
-@fuzz_target("gloc3_groundstation.desk.gamepad")
+@fuzz_target("gloc3_groundstation.joysticks.linux_reader", "gloc3_groundstation.joysticks.mapping")
 def gamepad_events(data: bytes) -> None:
     """Any bytes of a joystick leave every stick between -1 and 1."""
-    state = GamepadState()
+    state = EventState()
+    mapping = default_mapping(JoystickDevice(key="pad", name="pad", controls=XBOX))
+    assert mapping is not None
     for size in (1, 5, 8, 64):
         for place in range(0, len(data), size):
             state.feed(data[place : place + size])
-        assert all(-1.0 <= one <= 1.0 for one in state.sticks)
+        assert all(-1.0 <= one <= 1.0 for one in mapping.sticks(state.reading))
 
 
 class Window:

@@ -18,8 +18,9 @@ from gloc3.messages.command_interface import CiRequest, RequestAction, Steer, Ve
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.teleoperation import DEMAND_HZ, TeleoperationState, VelocityDemand
-from gloc3_groundstation.desk.gamepad import DEAD_ZONE, FULL, GamepadState
-from gloc3_groundstation.desk.teleoperation import RELEASES, FullSpeed, HandControl, StickDemand
+from gloc3_groundstation.desk.teleoperation import RELEASES, FullSpeed, HandControl
+from gloc3_groundstation.joysticks.device import StickDemand
+from gloc3_groundstation.joysticks.linux_reader import FULL
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_groundstation.store.configuration import Configuration
 from gloc3_groundstation.tui.dialogues.teleoperate import TeleoperateDialogue
@@ -67,25 +68,6 @@ def test_demands_go_out_ten_times_a_second_while_the_key_repeats_and_say_that_it
     assert len(moving) == pytest.approx(DEMAND_HZ * moving[-1][0], abs=1.5)
     assert [demand.velocity_cm_s for _, demand in sent[len(moving) :]] == [(0, 0, 0)] * RELEASES
     assert [demand.sequence for _, demand in sent] == list(range(len(sent)))
-
-
-# --- the gamepad ---
-
-
-def test_the_sticks_of_a_gamepad_are_those_of_a_pilot_and_a_button_is_the_dead_mans() -> None:
-    pad = GamepadState()
-    pad.feed(event(BUTTON | INITIAL, 4, 1) + event(AXIS | INITIAL, 4, 0))
-    assert not pad.is_held, "how it stands at the begin is nothing that was pressed"
-    data = event(AXIS, 4, -FULL) + event(AXIS, 3, FULL) + event(AXIS, 1, -FULL) + event(AXIS, 0, FULL)
-    for cut in range(0, len(data), 5):
-        pad.feed(data[cut : cut + 5])
-    assert pad.sticks == StickDemand(1.0, 1.0, 1.0, 1.0), "ahead, right, up and clockwise; bytes may be cut anywhere"
-    pad.feed(event(BUTTON, 4, 1) + event(BUTTON, 5, 1) + event(BUTTON, 4, 0))
-    assert pad.is_held
-    pad.feed(event(BUTTON, 5, 0) + event(BUTTON, 0, 1))
-    assert not pad.is_held
-    pad.feed(event(AXIS, 4, round(FULL * DEAD_ZONE)) + event(AXIS, 3, -32768))
-    assert pad.sticks[:2] == (pytest.approx(0.0, abs=1e-3), -1.0)
 
 
 # --- the screen ---

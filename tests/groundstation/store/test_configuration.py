@@ -3,12 +3,14 @@
 from pathlib import Path
 from typing import get_args
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from gloc3.errors import InputError
+from gloc3_groundstation.joysticks.mapping import AxisMapping, JoystickButton, JoystickMapping, StickAxis
 from gloc3_groundstation.store.configuration import (
     RECENT_KEPT,
     Configuration,
@@ -92,6 +94,22 @@ def test_a_file_that_went_bad_while_the_station_ran_is_left_alone(tmp_path: Path
     kept.path.write_text("theme = [")
     assert not kept.write(replace(found, theme="dark"))
     assert kept.path.read_text() == "theme = ["
+
+
+def test_mappings_of_joysticks_are_kept_one_by_one_and_removed_when_they_are_reset(tmp_path: Path) -> None:
+    kept = file(tmp_path)
+    found = kept.read()
+    surge = {StickAxis.SURGE: AxisMapping(axis=4, low=1.0, high=-1.0)}
+    pad = JoystickMapping(name="Pad", axes=surge, buttons={JoystickButton.DEAD_MAN: ("button 4", "axis 5+")})
+    two = {"0300": pad, "Some: Stick, v2": msgspec.structs.replace(pad, name="Stick")}
+    assert kept.write(replace(found, joysticks=two))
+    assert kept.path.read_text().startswith(WRITTEN.rstrip()), "what a person wrote stays"
+    assert file(tmp_path, None).read().joysticks == two
+    assert kept.write(replace(found, joysticks={"0300": pad}))
+    assert file(tmp_path, None).read().joysticks == {"0300": pad}
+    kept.path.write_text('[joysticks."0300".axes.surge]\naxis = 99\n')
+    with pytest.raises(InputError, match=r"station.toml:2:1: axis: Expected `int` <= 63"):
+        kept.read()
 
 
 def test_bytes_that_are_no_text_and_folders_are_told(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ class FlightDataScreen(StationScreen):
     f freezes the charts; the values beside them stay live. ← and → move back and forward in the history: every sample
     of the last 10 minutes, minimum and maximum of every 2 s for an hour and of every 30 s for 8 hours.
 
-    t opens teleoperation, with keys or a gamepad, where the vehicle has that capability."""
+    t opens teleoperation, with keys or a joystick, where the vehicle has that capability."""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "freeze", "Freeze", tooltip="freeze or resume the charts"),
         Binding("plus,equals_sign", "window(-1)", "Time", key_display="+ -", tooltip="shorter or longer, 10 s to 8 h"),
@@ -45,7 +45,7 @@ class FlightDataScreen(StationScreen):
         Binding("right,l", "back(-1)", "Forward", show=False),
         Binding("down,j", "scroll_charts(1)", "Charts", key_display="↑ ↓", tooltip="the charts below and above"),
         Binding("up,k", "scroll_charts(-1)", "Up", show=False),
-        Binding("t", "by_hand", "Teleop", tooltip="teleoperate the vehicle in view with keys or a gamepad"),
+        Binding("t", "by_hand", "Teleop", tooltip="teleoperate the vehicle in view with keys or a joystick"),
         Binding("z", "live", "Live", show=False, tooltip="return to live data"),
     ]
     AUTO_FOCUS = "#charts"
@@ -88,9 +88,7 @@ class FlightDataScreen(StationScreen):
         """Steers the vehicle in view by hand."""
         platform = self.view.platform if self.view is not None else None
         if platform is not None and self._by_hand:
-            self.app.push_screen(
-                TeleoperateDialogue(self.desk, platform.name, self._by_hand, self.moment, self.desk.gamepad)
-            )
+            self.app.push_screen(TeleoperateDialogue(self.desk, platform.name, self._by_hand, self.moment))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offers to steer by hand where the vehicle has that capability."""

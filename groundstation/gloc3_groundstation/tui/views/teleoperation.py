@@ -4,15 +4,14 @@ from math import inf
 from typing import Final, NamedTuple
 
 from gloc3.messages.teleoperation import EXPIRES_S, TeleoperationState
-from gloc3_groundstation.desk.teleoperation import FullSpeed, StickDemand
+from gloc3_groundstation.desk.teleoperation import FullSpeed
+from gloc3_groundstation.joysticks.device import StickDemand
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
-from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, wrapped
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone
 
 REPORTED_S: Final = 1.0
 """Age from which the vehicle's report is ignored, s: it is sent five times a second."""
 
-WIDTH: Final = 58
-"""Of the dialogue's text."""
 NOTHING: Final = f"{'–':>10}"
 
 
@@ -25,7 +24,6 @@ class TeleoperationView(NamedTuple):
     sticks: StickDemand
     full: FullSpeed
     session: int
-    problem: str = ""
 
 
 def state_line(platform: PlatformSnapshot | None, helm: TeleoperationView, now_s: float) -> Line:
@@ -66,7 +64,6 @@ def helm_lines(
         line += f"{_number(wanted, index)}{_number(measured, index)}  {unit}"
         rows.append((Span(line, Tone.TEXT if stick else Tone.DIM),))
     rows += [EMPTY, _place_line(platform, now_s)]
-    rows += [(Span(line, Tone.BAD),) for line in wrapped(helm.problem, WIDTH)] if helm.problem else []
     return tuple(rows)
 
 

@@ -1,0 +1,6 @@
+"""Joysticks and gamepads of any make: devices, mappings to a vehicle's axes, the dead-man's key.
+
+Dialogues open a `reader` and steer by a `hand_on_joystick`; nothing else knows of devices.
+"""
+
+__all__ = ["device", "hand_on_joystick", "listener", "mapping", "reader"]

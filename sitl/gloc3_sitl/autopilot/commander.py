@@ -329,7 +329,8 @@ class Commander:
             pilot.switch_off()
         if not pilot.is_on:
             return
-        pilot.last_seen_s = craft.now_s
+        if pilot.has_transmitter:
+            pilot.last_seen_s = craft.now_s
         if pilot.is_killed:
             pilot.is_killed = False
             craft.send_text(Severity.CRITICAL, "Kill switch")

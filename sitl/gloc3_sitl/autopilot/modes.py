@@ -163,6 +163,8 @@ class StyleTables:
     """Behaviours that differ from those of multirotors, and their factories."""
     unsupported: frozenset[int] = frozenset()
     """MAV_CMDs that are for other classes of vehicles."""
+    joystick_throttle_low: float = 0.0
+    """`z` of MANUAL_CONTROL for the lowest throttle; the highest is 1000."""
     disarms_in_motion: bool = False
     """Whether the vehicle may be disarmed in motion, because it stops when its motors do."""
 

@@ -30,13 +30,20 @@ class Pilot:
     held_until_s: float = inf
     """Time until which the input counts: limited for a joystick over MAVLink, infinite for a transmitter."""
 
+    @property
+    def has_transmitter(self) -> bool:
+        """Whether a transmitter is on; a joystick over MAVLink is none."""
+        return self.is_on and self.held_until_s == inf
+
     def switch_on(self) -> None:
         """Switches the transmitter on with centred sticks."""
         self.is_on = True
 
     def switch_off(self) -> None:
-        """Switches the transmitter off, or flies out of its range."""
+        """Switches the transmitter off, or flies out of its range: no stick counts any more."""
         self.is_on = False
+        self.roll = self.pitch = self.yaw = 0.0
+        self.throttle = 0.5
         self.held_until_s = inf
 
     def sticks(self, *, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0, throttle: float = 0.5) -> None:

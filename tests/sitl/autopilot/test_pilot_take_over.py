@@ -150,3 +150,61 @@ def test_a_joystick_is_not_taken_where_the_parameters_forbid_it() -> None:
         bench.send("MANUAL_CONTROL", x=500, y=0, z=500, r=0, target=1)
         bench.run(0.1)
         assert not bench.sim.pilot.is_on
+
+
+def flown_by_joystick(bench: Bench, seconds: float, **axes: int) -> None:
+    """Sends a joystick twenty times a second."""
+    for _ in range(round(seconds * 20)):
+        bench.send("MANUAL_CONTROL", **{"x": 0, "y": 0, "z": 500, "r": 0, "target": 1, **axes})
+        bench.run(0.05)
+
+
+@pytest.mark.parametrize(("style", "position", "limit_s"), [("px4", "Position", 0.5), ("ardupilot", "LOITER", 1.0)])
+def test_a_joystick_that_falls_silent_is_a_lost_transmitter_after_the_autopilots_own_time(
+    style: str, position: str, limit_s: float
+) -> None:
+    bench = Bench(style, system=255, component=190)
+    bench.set_parameter(*(("NAV_RCL_ACT", 3) if style == "px4" else ("FS_THR_ENABLE", 3)))
+    bench.take_off()
+    flown_by_joystick(bench, 0.3)
+    bench.set_mode(position)
+    flown_by_joystick(bench, 2.0, x=600)
+    assert bench.mode == position
+    assert bench.position[0] > 0.8
+    lost_s = bench.run_until(lambda: "Failsafe: transmitter lost" in bench.texts, 3.0)
+    assert lost_s == pytest.approx(limit_s, abs=0.15)
+    bench.run_until(lambda: bench.mode.upper() == "LAND", 8.0)
+
+
+def test_a_joystick_is_for_the_vehicle_that_it_names_and_gives_only_the_axes_that_it_has() -> None:
+    for style, takes_all in (("px4", True), ("ardupilot", False)):
+        bench = Bench(style, system=255, component=190)
+        bench.send("MANUAL_CONTROL", x=500, y=0, z=500, r=0, target=7)
+        assert not bench.pilot.is_on
+        bench.send("MANUAL_CONTROL", x=500, y=0, z=500, r=0, target=0)
+        assert bench.pilot.is_on is takes_all
+        bench.send("MANUAL_CONTROL", x=32767, y=-250, z=-300, r=32767, target=1)
+        assert bench.pilot.roll == 0.0, "a multirotor has no thrust backwards"
+        bench.send("MANUAL_CONTROL", x=32767, y=-250, z=800, r=32767, target=1)
+        assert (bench.pilot.roll, bench.pilot.throttle, bench.pilot.yaw) == (-0.25, 0.8, 0.0)
+
+
+def test_a_rovers_joystick_drives_both_ways() -> None:
+    bench = Bench(None, vehicle="rover", system=255, component=190)
+    bench.send("MANUAL_CONTROL", x=0, y=0, z=0, r=0, target=1)
+    assert bench.pilot.throttle == 0.5
+    bench.send("MANUAL_CONTROL", x=0, y=100, z=-1000, r=0, target=1)
+    assert (bench.pilot.throttle, bench.pilot.roll) == (0.0, 0.1)
+
+
+def test_a_submarines_joystick_that_falls_silent_disarms_it_as_the_parameter_says() -> None:
+    bench = Bench(None, vehicle="rov", system=255, component=190)
+    bench.run(12.0)
+    flown_by_joystick(bench, 0.5)
+    assert bench.set_mode("ALT_HOLD") is Result.ACCEPTED
+    assert bench.command(400, 1) is Result.ACCEPTED
+    flown_by_joystick(bench, 4.0, z=200)
+    assert bench.position[2] > 0.3, "it dives"
+    assert bench.is_armed
+    gone_s = bench.run_until(lambda: not bench.is_armed, 5.0)
+    assert gone_s == pytest.approx(3.0, abs=0.3)

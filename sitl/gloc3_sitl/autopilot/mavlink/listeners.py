@@ -1,7 +1,7 @@
 """Messages that are neither commands nor a microservice: heartbeats, setpoints, sticks, origin, odometry."""
 
 from collections.abc import Callable, Mapping
-from math import inf, isfinite, nan
+from math import isfinite, nan
 from typing import Final
 
 from gloc3.mavlink import codec
@@ -27,8 +27,10 @@ _GO_NOW: Final = 2
 _OVER_SEA: Final = (0, 5)
 _LEAVE: Final = 65535
 _OVERRIDE_S: Final = 3.0
-_JOYSTICK_S: Final = 0.5
-"""Time-out of a joystick, s."""
+"""RC_OVERRIDE_TIME of ArduPilot, which holds for a joystick too, s."""
+_NO_AXIS: Final = 32767
+"""An axis of MANUAL_CONTROL that is not given."""
+_FULL: Final = 1000.0
 
 
 def _heartbeat(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
@@ -69,14 +71,24 @@ def _data_stream(context: FrontContext, message: MavlinkMessage, sender: Address
 
 def _manual_control(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """MANUAL_CONTROL: a joystick at the ground station acts as the pilot's sticks until its time-out."""
-    if not context.accepts_joystick(sender):
+    own, style = context.own.system, context.autopilot.style
+    if not context.accepts_joystick(sender) or message.target not in ((0, own) if context.is_px4 else (own,)):
         return
-    pilot = context.craft.pilot
-    if pilot.is_on and pilot.held_until_s == inf:
-        return  # a transmitter goes first
-    roll, pitch, yaw = (value / 1000.0 for value in (message.y, -message.x, message.r))
-    pilot.sticks(roll=roll, pitch=pitch, yaw=yaw, throttle=message.z / 1000.0)
-    pilot.held_until_s = context.craft.now_s + _JOYSTICK_S
+    pilot, low = context.craft.pilot, style.joystick_throttle_low
+    if not context.is_px4:
+        context.station_contact(sender.system)
+    if pilot.has_transmitter or message.z < low:
+        return  # a transmitter goes first; and there is no thrust backwards
+    before = (pilot.roll, -pilot.pitch, pilot.yaw)
+    roll, ahead, yaw = (
+        stick if value == _NO_AXIS else value / _FULL
+        for value, stick in zip((message.y, message.x, message.r), before, strict=True)
+    )
+    throttle = pilot.throttle if message.z == _NO_AXIS else (message.z - low) / (_FULL - low)
+    pilot.sticks(roll=roll, pitch=-ahead, yaw=yaw, throttle=throttle)
+    now_s = context.craft.now_s
+    pilot.last_seen_s = now_s
+    pilot.held_until_s = now_s + (context.craft.tuning.pilot_timeout_s if context.is_px4 else _OVERRIDE_S)
 
 
 def _target(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
@@ -133,8 +145,8 @@ def _override(context: FrontContext, message: MavlinkMessage, sender: Address) -
     if not context.accepts_joystick(sender):
         return
     pilot = context.craft.pilot
-    if pilot.is_on and pilot.held_until_s == inf:
-        return  # a transmitter goes first
+    if pilot.has_transmitter:
+        return  # it goes first
     pulses = (message.chan1_raw, message.chan2_raw, message.chan3_raw, message.chan4_raw)
     before = (pilot.roll, pilot.pitch, 2.0 * pilot.throttle - 1.0, pilot.yaw)
     roll, pitch, throttle, yaw = (
@@ -145,6 +157,7 @@ def _override(context: FrontContext, message: MavlinkMessage, sender: Address) -
         pilot.switch_off()
         return
     pilot.sticks(roll=roll, pitch=pitch, yaw=yaw, throttle=(throttle + 1.0) / 2.0)
+    pilot.last_seen_s = context.craft.now_s
     pilot.held_until_s = context.craft.now_s + _OVERRIDE_S
 
 

@@ -54,6 +54,7 @@ def rover_style(defaults: Mapping[str, float], *, hold_mode: int) -> StyleTables
             Mode(name="GUIDED", custom_mode=_GUIDED, base_mode=_ITSELF, behaviour=Behaviour.STREAMED),
         ),
         boot_mode=_MANUAL,
+        joystick_throttle_low=-1000.0,
         hold_mode=hold_mode,
         brake_mode=_HOLD,
         takeoff_mode=_GUIDED,

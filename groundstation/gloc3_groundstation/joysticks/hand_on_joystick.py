@@ -14,7 +14,7 @@ from gloc3_groundstation.joysticks.mapping import JoystickButton, JoystickMappin
 
 SILENT_S: Final = 0.3
 """Silence of a joystick after which its key counts as released, s."""
-TO_MAP: Final = "map it first (key j)"
+TO_MAP: Final = "it has no mapping"
 
 
 class Steered(Protocol):

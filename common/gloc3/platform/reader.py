@@ -44,6 +44,21 @@ def namesakes(name: str) -> list[Finding]:
     ]
 
 
+def named_platform(reference: str | None) -> str:
+    """The name of the platform that a mission's header stands for, by a name or a file.
+
+    Args:
+        reference: name of an installed file or of a platform that is not installed here, or a file; None without one.
+
+    Returns:
+        Empty without a reference, and for a file that is not here or has mistakes.
+    """
+    try:
+        return "" if reference is None else load_platform(reference).platform
+    except InputError:
+        return "" if Path(str(reference)).suffix else str(reference)
+
+
 def find_platform(name: str) -> Path:
     """Finds the file of a platform; plain names are searched in the folders of the entry points `gloc3.platforms`.
 

@@ -82,7 +82,7 @@ class Headless:
         try:
             names = [
                 await self._found(wait_s, wanted or "", flights.await_platform(station, wanted))
-                for wanted in plan.platforms or (self._platform,)
+                for wanted in plan.platforms or (self._platform or plan.written_for or None,)
             ]
             for name in names:
                 missing = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
@@ -235,7 +235,7 @@ class Headless:
             who = wanted or "a platform"
             others = ", ".join(platform.name for platform in self._station.fleet)
             hint = (
-                f"heard: {others}"
+                f"heard: {others}; --platform names one"
                 if others
                 else "is it running, and does its link lead here? --link udpin://0.0.0.0:14550 hears a network"
             )

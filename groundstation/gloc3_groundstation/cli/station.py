@@ -77,8 +77,8 @@ class StationOptions:
     may be given again. Default: those of the configuration file, else udpin://127.0.0.1:14550, which receives from
     this computer only; udpin://0.0.0.0:14550 receives from the network."""
     platform: str | None = None
-    """The platform to command, by name; otherwise the first that is heard. With its platform file instead, the mission
-    is checked by that file, too. With --do also the MAVLink system of a vehicle without a companion."""
+    """The platform to command, by name; otherwise the one that the mission's header names, else the only one that is
+    heard. With its platform file instead, the mission is checked by that file, too. With --do also the MAVLink system of a vehicle without a companion."""
     headless: Annotated[bool, FLAG] = False
     """No terminal: narrate on stderr. Without --mission it monitors until Ctrl-C."""
     json: Annotated[bool, FLAG] = False

@@ -28,6 +28,8 @@ SETTLES_PERIOD_S: Final = 2.0
 """A start that is refused for checks that may settle is requested again after this time."""
 LANDED_S: Final = 5.0
 """Time disarmed on the ground after which a flight taken over by a pilot counts as ended, s."""
+OTHERS_S: Final = 1.5
+"""Time after the first contact in which other platforms are heard, too, s: each sends once a second."""
 TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe"}
 """Who may end a flight in place of its mission, by the word with which the mission's policy or reason says so."""
 
@@ -79,7 +81,11 @@ def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
 
 
 async def await_platform(station: Station, name: str | None) -> str:
-    """Waits for contact with the platform `name`, or with the first one. Vehicles without a companion are ignored."""
+    """Waits for contact with the platform `name`, or with the only one. Vehicles without a companion are ignored.
+
+    Raises:
+        Refused: several are in contact, and none is named.
+    """
     found: list[str] = []
 
     def is_in_contact() -> bool:
@@ -91,6 +97,11 @@ async def await_platform(station: Station, name: str | None) -> str:
         return bool(found)
 
     await until(station, is_in_contact)
+    if name is None:
+        await asyncio.sleep(OTHERS_S)
+        is_in_contact()
+    if len(found) > 1:
+        raise Refused(f"several platforms are in contact ({', '.join(found)}): name one with --platform")
     return found[0]
 
 

@@ -17,7 +17,7 @@ from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
 from gloc3.mission.model.model import digest_of
 from gloc3.platform.bases import platform_files
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import find_platform, load_platform
+from gloc3.platform.reader import find_platform, load_platform, named_platform
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
@@ -41,6 +41,8 @@ class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     """The other program's file that it was made of; empty for a mission file."""
     platforms: tuple[str, ...] = ()
     """Those that its tasks name, where it is for several; it is streamed to all of them."""
+    written_for: str = ""
+    """The platform that its header stands for; empty without one."""
     warnings: tuple[str, ...] = ()
     """Found against the platform's file; nothing where that is not installed here."""
     platform_file: str = ""
@@ -161,6 +163,7 @@ def _plan(report: CheckReport) -> CheckedPlan:
         title=mission.name,
         text=mission.text,
         platforms=mission.platforms,
+        written_for=named_platform(mission.platform),
         warnings=tuple(str(warning) for warning in warnings),
     )
 

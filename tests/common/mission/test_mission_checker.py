@@ -7,6 +7,7 @@ from gloc3.errors import InputError
 from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text, home_problem
 from gloc3.mission.examples import example_missions, find_mission
+from gloc3.mission.reading.reader import read_mission
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, read_platform
 
@@ -32,8 +33,6 @@ tasks:
       down:   {land: {}, after: [home]}
 """
 HOME = (0.0, 0.0, 0.0)
-OTHERS = {"survey": "boat", "mapping": "plane", "powerline": "vtol"}
-"""Platforms that examples are for, where that is not the Pelican."""
 
 
 def reported(report: CheckReport) -> list[str]:
@@ -41,12 +40,23 @@ def reported(report: CheckReport) -> list[str]:
 
 
 @pytest.mark.parametrize("name", sorted(example_missions()))
-def test_the_examples_pass(name: str, pelican: Platform) -> None:
-    platform = load_platform(OTHERS[name]) if name in OTHERS else pelican
-    report = check_text(find_mission(name).read_bytes(), name, Circumstances(platform=platform, home_ned_m=HOME))
+def test_the_examples_pass_on_the_platform_that_they_are_written_for(name: str) -> None:
+    text = find_mission(name).read_bytes()
+    platform = load_platform(read_mission(text, name).platform or "boat")
+    report = check_text(text, name, Circumstances(platform=platform, home_ned_m=HOME))
     assert reported(report) == []
     assert report.is_ok
     assert report.flyable().tasks
+
+
+@pytest.mark.parametrize(
+    ("header", "wanted"), [("pelican_rtk", ""), ("boat", "boat"), ("heron", "heron"), ("boat.yaml", "")]
+)
+def test_a_mission_that_is_written_for_another_platform_says_so(header: str, wanted: str, pelican: Platform) -> None:
+    text = MISSION.replace("frame: hold", f"platform: {header}\nframe: hold")
+    found = reported(check_text(text, "m", Circumstances(platform=pelican)))
+    told = f"m:2:11: warning: it is written for {wanted}, and checked for pelican (change the line to platform: pelican"
+    assert found == ([f"{told} if that is meant)"] if wanted else [])
 
 
 def test_the_examples_take_the_time_that_is_promised(pelican: Platform) -> None:

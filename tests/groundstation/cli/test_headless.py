@@ -258,3 +258,30 @@ def test_a_run_whose_mission_ended_out_of_contact_tells_the_summary_and_all_that
     summary = next(at for at, text in enumerate(texts) if text.startswith("contact after 20 s"))
     assert [text for text in texts if "leak" in text] == ["warning: depth: leak 1", "warning: depth: leak 2"]
     assert next(at for at, text in enumerate(texts) if "leak 2" in text) > summary
+
+
+@pytest.mark.parametrize(
+    ("named", "written_for", "flies"), [("", "egret", "egret"), ("heron", "egret", "heron"), ("", "", "")]
+)
+def test_with_several_platforms_a_mission_goes_where_it_is_told_to(named: str, written_for: str, flies: str) -> None:
+    async def main() -> str:
+        exchange = LocalExchange()
+        platforms = [ScriptedPlatform(exchange), ScriptedPlatform(exchange, "egret")]
+        station = Station(exchange, platforms[0].loop, "255", 11)
+        for number, platform in enumerate(platforms):
+            platform.loop.call_later(0.1 + 0.5 * number, platform.speak_every, 0.5)
+            platform.loop.call_later(10.0, platform.advance, "done")
+        plan = msgspec.structs.replace(PLAN, written_for=written_for)
+        try:
+            await Headless(station, lambda _: None, platform=named or None).fly(plan, wait_s=5.0)
+        finally:
+            station.close()
+        return " ".join(platform.name for platform in platforms if platform.text)
+
+    if flies:
+        assert run_virtual(main()) == flies
+    else:
+        with pytest.raises(
+            Refused, match=r"several platforms are in contact \(heron, egret\): name one with --platform"
+        ):
+            run_virtual(main())

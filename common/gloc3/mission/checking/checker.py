@@ -39,6 +39,7 @@ from gloc3.mission.reading.reader import MissionReferences, Reading, inspect_mis
 from gloc3.platform.bases import platform_files
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Capability, Platform
+from gloc3.platform.reader import named_platform
 
 HOME_CLEARANCE_M: Final = 0.5
 """A home outside the fence, or nearer to it than this, is refused."""
@@ -166,6 +167,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     start_ned_m = circumstances.start_ned_m or budget.home_ned_m
     figures = estimate(mission, order, start_ned_m, budget, platform.power if platform else None)
     findings += _nothing_for(platform, mission, reading)
+    findings += _written_for_another(platform, mission, reading)
     findings += _capabilities(mission, circumstances)
     findings += _resources(mission, order, circumstances.capabilities())
     findings += flight_findings(mission, order, is_airborne=circumstances.start_ned_m is not None)
@@ -288,6 +290,15 @@ def home_problem(mission: Mission, home_ned_m: Vector3) -> str:
         inside = beside(clearance_m, HOME_CLEARANCE_M, 2)
         return f"home is {inside} m inside the fence; at least {HOME_CLEARANCE_M} m are needed"
     return ""
+
+
+def _written_for_another(platform: Platform | None, mission: Mission, reading: Reading) -> Iterator[Finding]:
+    """A mission whose header names a platform is checked for that one."""
+    wanted = named_platform(mission.platform) if platform is not None else ""
+    if platform is not None and wanted and wanted != platform.platform:
+        message = f"it is written for {wanted}, and checked for {platform.platform}"
+        hint = f"change the line to platform: {platform.platform} if that is meant"
+        yield reading.document.finding(("platform",), message, hint, is_warning=True)
 
 
 def _nothing_for(platform: Platform | None, mission: Mission, reading: Reading) -> Iterator[Finding]:

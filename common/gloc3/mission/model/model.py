@@ -258,7 +258,8 @@ class MissionFile(Policies, frozen=True, kw_only=True):
     frame: Annotated[str, msgspec.Meta(min_length=1, max_length=32)]
     """A local frame of the world or platform, or `geo`."""
     platform: Annotated[str, msgspec.Meta(min_length=1, max_length=200)] | None = None
-    """The platform file, or the name of an installed one, that it is flown with in simulation where none is named."""
+    """The platform that it is written for, by name: the station sends it there, and simulation flies it there, where none
+    is named; or a platform file, for simulation alone."""
     height_above: HeightAbove = HeightAbove.HOME
     """What heights are counted from in frame geo."""
     deadline_s: Seconds | None = None

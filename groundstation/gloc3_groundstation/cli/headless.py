@@ -33,14 +33,18 @@ Report = Callable[[NarrationLine], None]
 class Headless:
     """One run of the station for scripts."""
 
-    def __init__(self, station: Station, report: Report, *, platform: str | None = None) -> None:
+    def __init__(
+        self, station: Station, report: Report, *, platform: str | None = None, is_taking_over: bool = False
+    ) -> None:
         """Creates a run.
 
         Args:
             station: receives from and commands the platforms.
             report: called with each line of narration.
             platform: the one to command; None for the first one received.
+            is_taking_over: takes control from another station without asking it.
         """
+        self.is_taking_over: Final = is_taking_over
         self._station = station
         self._report = report
         self._platform = platform
@@ -88,6 +92,9 @@ class Headless:
                 missing = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
                 if missing:
                     self.narrate(f"{name} still lacks {', '.join(missing)}; the vehicle decides whether it starts")
+            if self.is_taking_over:
+                for name in names:
+                    await flights.take_over(station, name)
             try:
                 await flights.stream_to_all(station, names, plan, is_far_ok=is_far_ok)
             except FarAway as refusal:
@@ -127,6 +134,9 @@ class Headless:
         try:
             wanted = self._platform or ""
             name = await self._found(wait_s, wanted, flights.await_vehicle(self._station, wanted))
+            known = self._station.fleet.get(name)
+            if self.is_taking_over and known is not None and known.has_companion:
+                await flights.take_over(self._station, name)
             for number, order in enumerate(orders, 1):
                 outcome, text = RunOutcome.DONE, ""
                 try:

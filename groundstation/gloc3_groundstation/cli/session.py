@@ -69,6 +69,8 @@ class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Commands to the vehicle, one after the other, without a mission."""
     within_s: float = 120.0
     """The time for each of them to be done."""
+    is_taking_over: bool = False
+    """Takes control from another station without asking it."""
     is_far_ok: bool = False
     """The mission's first waypoint may be kilometres from the vehicle."""
     commands_from: int | None = None
@@ -108,7 +110,9 @@ class Session:
         """
         requested = self._options
         async with self._ground() as ground:
-            run = Headless(ground.station, output.line, platform=requested.platform)
+            run = Headless(
+                ground.station, output.line, platform=requested.platform, is_taking_over=options.is_taking_over
+            )
             if requested.problem:
                 run.narrate(requested.problem, Severity.WARNING)
             run.narrate(f"listening on {ground.links.describe()}")

@@ -106,6 +106,9 @@ class StationOptions:
     far_away_ok: Annotated[bool, FLAG] = False
     """With --headless and a --mission: upload it although its first waypoint is 2 km or more from the vehicle, which is
     refused otherwise; the terminal asks."""
+    take_over: Annotated[bool, FLAG] = False
+    """With --headless and a --mission or --do: take control from another station without asking it, if there is one;
+    a line states from which. Otherwise that station is asked, and has 10 s to grant it."""
     at_contact: Annotated[bool, FLAG] = False
     """With --headless: stream the mission at the next contact with --platform, without a time limit, and do not
     start it. In the terminal the key u queues it while the vehicle is out of contact."""
@@ -238,6 +241,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
             is_at_contact=options.at_contact,
             orders=_orders(options.do or ()),
             within_s=options.within,
+            is_taking_over=options.take_over,
             is_far_ok=options.far_away_ok,
             commands=tuple(parse_command(text) for text in options.command or ()),
             commands_from=sys.stdin.fileno() if options.commands else None,
@@ -306,6 +310,8 @@ def _check(options: StationOptions) -> None:
         _orders(options.do)
     if options.far_away_ok and not (is_flying and not options.at_contact):
         raise Refused("--far-away-ok goes with --headless and a --mission that is started; the terminal asks")
+    if options.take_over and not ((is_flying and not options.at_contact) or options.do):
+        raise Refused("--take-over goes with --headless and a --mission that is started, or --do")
     if not 0.0 < options.within < float("inf"):
         raise Refused("--within must be above 0 seconds")
     if not 0.0 < options.wait < float("inf"):

@@ -86,8 +86,7 @@ class FleetDesk:
 
         async def request() -> None:
             if verb is ControlVerb.TAKE_OVER:
-                await self._station.client.request_control(name, is_take_over=True)
-                await flights.request_control(self._station, name)
+                await flights.take_over(self._station, name)
                 return
             station = requester if verb in (ControlVerb.GRANT, ControlVerb.REFUSE) else ""
             reply = await self._station.client.carry_out(

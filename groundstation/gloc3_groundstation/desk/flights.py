@@ -105,12 +105,12 @@ async def await_platform(station: Station, name: str | None) -> str:
     return found[0]
 
 
-async def await_vehicle(station: Station, wanted: str) -> str:
+async def await_vehicle(station: Station, wanted: str | None) -> str:
     """Waits for contact with a vehicle, with or without a companion.
 
     Args:
         station: the station.
-        wanted: its name, or the MAVLink system of its autopilot.
+        wanted: its name, or the MAVLink system of its autopilot; None for the first one.
 
     Raises:
         Refused: several vehicles have that system.
@@ -122,14 +122,14 @@ async def await_vehicle(station: Station, wanted: str) -> str:
         return bool(found)
 
     await until(station, is_in_contact)
-    if len(found) > 1:
+    if wanted is not None and len(found) > 1:
         raise Refused(f"several vehicles have system {wanted}: {', '.join(found)}; name one")
     return found[0]
 
 
-def _is_called(platform: PlatformSnapshot, wanted: str) -> bool:
+def _is_called(platform: PlatformSnapshot, wanted: str | None) -> bool:
     system = platform.autopilot.system if platform.autopilot is not None else 0
-    return wanted in (platform.name, str(system)) and platform.vehicle is not None
+    return wanted in (None, platform.name, str(system)) and platform.vehicle is not None
 
 
 async def await_ready(station: Station, platform: str, within_s: float = READY_WITHIN_S) -> list[str]:
@@ -168,6 +168,25 @@ async def request_control(station: Station, platform: str) -> None:
         whose = f"station {holder} keeps it" if holder else reply.reason or "the platform gave no reason"
         raise Refused(f"control of {platform} was requested and not granted: {whose}") from None
     station.note(platform, Severity.INFO, "this station has control")
+
+
+async def take_over(station: Station, platform: str) -> str:
+    """Takes control without asking its holder, and waits until it is here.
+
+    Returns:
+        The station that had it; empty where no other had.
+
+    Raises:
+        Refused: the platform refuses it; otherwise as `CommandClient.carry_out`.
+    """
+    holder = _holder(station, platform)
+    if holder in ("", station.id):
+        await request_control(station, platform)
+        return ""
+    await station.client.request_control(platform, is_take_over=True)
+    await request_control(station, platform)
+    station.note(platform, Severity.WARNING, f"control is taken over from station {holder}")
+    return holder
 
 
 def _holder(station: Station, platform: str) -> str:

@@ -13,7 +13,7 @@ from tests.groundstation.scripted_platform import ScriptedPlatform, refused, rep
 from gloc3.clock import run_virtual
 from gloc3.errors import Finding, Gloc3Error, InputError, Refused
 from gloc3.exchange import LocalExchange
-from gloc3.messages.command_interface import CiReply, LoadMission, Outcome, ReadReports, Steer
+from gloc3.messages.command_interface import CiReply, Control, ControlVerb, LoadMission, Outcome, ReadReports, Steer
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary, ControlState, Health, MissionSummary
 from gloc3_groundstation.cli.headless import Headless
@@ -187,6 +187,29 @@ def test_a_refused_start_is_told() -> None:
 )
 def test_the_exit_code_tells_what_has_happened(end: End | Gloc3Error, code: int) -> None:
     assert outcome_of(end).exit_code == code
+
+
+def test_control_is_taken_over_from_another_station_only_where_that_is_requested() -> None:
+    reported: list[NarrationLine] = []
+
+    async def main(*, is_taking_over: bool) -> list[Control]:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        platform.control = ControlState(holder="254")
+        station = Station(exchange, platform.loop, "255", 11)
+        platform.loop.call_later(1.2, platform.speak_every, 0.5)
+        platform.loop.call_later(30.0, platform.advance, "done")
+        try:
+            await Headless(station, reported.append, is_taking_over=is_taking_over).fly(PLAN, wait_s=20.0)
+        finally:
+            station.close()
+        return [body for body in platform.requests if isinstance(body, Control)]
+
+    assert [body.verb for body in run_virtual(main(is_taking_over=True))] == [ControlVerb.TAKE_OVER]
+    assert "warning: control is taken over from station 254" in [line.text for line in reported]
+    reported.clear()
+    assert [body.verb for body in run_virtual(main(is_taking_over=False))] == [ControlVerb.REQUEST]
+    assert not any("taken over" in line.text for line in reported)
 
 
 def test_without_a_mission_it_narrates_until_it_is_stopped() -> None:

@@ -29,6 +29,7 @@ def run(*arguments: str) -> object:
         (["--platform", "1", "--do", "arm"], "--do goes with --headless and a --platform"),
         (["--headless", "--platform", "1", "--do", "take_off"], "take_off: height above home, m is expected"),
         (["--headless", "--platform", "1", "--do", "arm", "--within", "0"], "--within must be above 0"),
+        (["--headless", "--take-over"], "--take-over goes with --headless and a --mission that is started, or --do"),
         (["--far-away-ok"], "--far-away-ok goes with --headless and a --mission"),
         (["--headless", "--wait", "0"], "--wait must be above 0"),
         (["--headless", "--station-id", "1"], "--station-id must be from 200 to 255"),

@@ -4,9 +4,10 @@ import asyncio
 import gc
 import getpass
 import os
-import signal
+import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -16,6 +17,7 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.assembly import GroundStation, StationSetup
+from gloc3_groundstation.cli.ending import Ending
 from gloc3_groundstation.cli.headless import Headless
 from gloc3_groundstation.cli.run_output import RunOutput
 from gloc3_groundstation.cli.script import ScriptCommand, parse_command, read_lines
@@ -96,10 +98,11 @@ class Session:
     Args:
         setup: setup of the station.
         options: options of the run.
+        ending: ends it.
     """
 
-    def __init__(self, setup: StationSetup, options: SessionOptions) -> None:
-        self._setup, self._options = setup, options
+    def __init__(self, setup: StationSetup, options: SessionOptions, ending: Ending) -> None:
+        self._setup, self._options, self._ending = setup, options, ending
 
     async def narrate(self, options: HeadlessOptions, output: RunOutput) -> RunOutcome:
         """Flies the selected mission, or only monitors.
@@ -117,10 +120,7 @@ class Session:
                 run.narrate(requested.problem, Severity.WARNING)
             run.narrate(f"listening on {ground.links.describe()}")
             work = asyncio.ensure_future(self._work(run, ground, options))
-            loop = asyncio.get_running_loop()
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, work.cancel)
-            with _commanded(run, options):
+            with self._ending.requested(work.cancel), _commanded(run, options):
                 try:
                     return await work
                 except Gloc3Error as error:
@@ -161,22 +161,30 @@ class Session:
                 ),
                 waiting_for=ground.links.describe,
             )
-            loop = asyncio.get_running_loop()
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                loop.add_signal_handler(number, app.interrupt)
             if requested.problem:
                 station.note("", Severity.WARNING, requested.problem)
             gc.freeze()  # what is loaded stays: a search for garbage among it would hold keys up for a tenth of a second
-            if options.web is None:
-                end = await app.run_async()
-            else:
-                async with _served(app.desk, options.web, lambda: app.window):
+            kept: list[Path] = []
+
+            def keep_unsaved() -> None:
+                path = None if kept else app.desk.missions.keep_unsaved(unsaved_folder())
+                kept.extend([path] if path is not None else [])
+
+            def interrupt() -> None:
+                keep_unsaved()  # at once: a terminal that takes nothing more may keep the screens from closing
+                app.interrupt()
+
+            with self._ending.requested(interrupt, None if options.web is not None else sys.stdin.fileno()):
+                if options.web is None:
                     end = await app.run_async()
+                else:
+                    async with _served(app.desk, options.web, lambda: app.window):
+                        end = await app.run_async()
             if not keep(app.configuration()) and not requested.problem:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
-            kept = app.desk.missions.keep_unsaved(unsaved_folder())
-            if kept is not None:
-                narrate(f"unsaved changes are in {kept}")
+            keep_unsaved()
+            for path in kept:
+                narrate(f"unsaved changes are in {path}")
             for line in _summary(station):
                 narrate(line)
             if end is None:
@@ -225,6 +233,7 @@ class Session:
                 ground.station.note("", Severity.NOTICE, f"Foxglove is served, view only: {url}")
             yield ground
         finally:
+            self._ending.begin()
             if view is not None:
                 view.close()
             await ground.close()

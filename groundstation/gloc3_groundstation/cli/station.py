@@ -211,6 +211,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
             opens = options.mission
     if options.at_contact and plan is not None and len(plan.platforms) > 1:
         raise Refused("--at-contact goes with a mission for one platform")
+    from gloc3_groundstation.cli.ending import Ending
     from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions, TerminalOptions
     from gloc3_groundstation.store.configuration import Configuration, ConfigurationFile, default_path
 
@@ -233,7 +234,8 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         foxglove_port=options.foxglove_port if options.foxglove else None,
         rtk=configuration.rtk if options.rtk is None else options.rtk,
     )
-    session = Session(setup, requested)
+    ending = Ending()
+    session = Session(setup, requested, ending)
     if options.headless:
         run = HeadlessOptions(
             wait_s=options.wait,
@@ -246,10 +248,12 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
             commands=tuple(parse_command(text) for text in options.command or ()),
             commands_from=sys.stdin.fileno() if options.commands else None,
         )
-        return asyncio.run(session.narrate(run, output))
+        with ending:
+            return asyncio.run(session.narrate(run, output))
     page = WebOptions(host=options.web_host, port=options.web_port) if options.web else None
     shown = TerminalOptions(is_starting=options.start, is_closing=options.exit_when_done, web=page, opens=opens)
-    return asyncio.run(session.show(shown, keep=file.write))
+    with ending:
+        return asyncio.run(session.show(shown, keep=file.write))
 
 
 def _read(mission: str, platform: str | None) -> CheckedPlan:

@@ -3,10 +3,13 @@
 import asyncio
 import os
 import signal
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from gloc3_groundstation.assembly import StationSetup
+from gloc3_groundstation.cli.ending import Ending
 from gloc3_groundstation.cli.run_output import RunOutput
 from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions
 from gloc3_groundstation.missions.plans import CheckedPlan
@@ -16,8 +19,11 @@ URL = "udpin://127.0.0.1:0"
 PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
 
 
-def session(plan: CheckedPlan | None = None, foxglove_port: int | None = None) -> Session:
-    return Session(StationSetup(boot=1), SessionOptions(urls=(URL,), plan=plan, foxglove_port=foxglove_port))
+def run(report: Callable[[NarrationLine], None], **options: Any) -> int:
+    """The exit code of a run without a terminal."""
+    with Ending() as ending:
+        session = Session(StationSetup(boot=1), SessionOptions(urls=(URL,), **options), ending)
+        return asyncio.run(session.narrate(HeadlessOptions(wait_s=10.0), RunOutput(report))).exit_code
 
 
 @pytest.mark.sockets
@@ -30,7 +36,7 @@ def test_ctrl_c_ends_it_with_a_word(plan: CheckedPlan | None, code: int, capsys:
         if "listening" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(session(plan=plan).narrate(HeadlessOptions(wait_s=10.0), RunOutput(report))).exit_code == code
+    assert run(report, plan=plan) == code
     assert reported[-1].text == "stopped"
     assert capsys.readouterr().err.count("\n") == len(reported)
 
@@ -44,5 +50,5 @@ def test_foxglove_is_served_where_it_was_asked_for_and_the_place_is_told() -> No
         if "Foxglove" in line.text:
             os.kill(os.getpid(), signal.SIGINT)
 
-    assert asyncio.run(session(foxglove_port=0).narrate(HeadlessOptions(wait_s=10.0), RunOutput(report))).exit_code == 0
+    assert run(report, foxglove_port=0) == 0
     assert any(text.startswith("Foxglove is served, view only: ws://127.0.0.1:") for text in reported)

@@ -14,6 +14,7 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.parameter import Parameter, ParameterType, parameter
 from gloc3.mavlink.transport.memory import PERFECT, Conditions, MemoryLink
 from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.services.machines import Wire
@@ -69,7 +70,7 @@ class ServicesScene(Scene):
 
     async def tab(self, title: str) -> None:
         """Goes on to the service of a title."""
-        for _ in range(6):
+        for _ in ServiceKind:
             base = self.app.base
             assert base is not None
             panes = base.query_one("#service_panes", ContentSwitcher)

@@ -67,6 +67,7 @@ EXTENSIONS: Final[dict[str, tuple[Field, ...]]] = {
     "MISSION_CURRENT": tuple(Field(name, "uint32_t", 0) for name in ("mission_id", "fence_id", "rally_points_id")),
     "MISSION_COUNT": (Field("opaque_id", "uint32_t", 0),),
     "MISSION_ACK": (Field("opaque_id", "uint32_t", 0),),
+    "SERIAL_CONTROL": _TARGET,
 }
 """Name to extension fields after those that the library has; receivers without them ignore them."""
 

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages.command_interface import EmergencyVerb, StationRole
+from gloc3.messages.command_interface import EmergencyVerb
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.desk.control import holder_of, require_operator
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
@@ -115,11 +116,10 @@ class AutopilotDesk:
             Refused: it is an observer, or another station was in control.
         """
         station = self._station
-        if station.client.role is StationRole.OBSERVER:
-            raise Refused(f"station {station.id} may look and not command: it is an observer")
+        require_operator(station)
         if platform is None or not platform.has_companion or action is Action.HOLD:
             return
-        holder = platform.control.value.holder if platform.control is not None else ""
+        holder = holder_of(platform)
         if holder != station.id:
             whose = f"station {holder} was" if holder else "nobody was"
             raise Refused(f"{whose} in control when its onboard process fell silent: this station may send hold alone")

@@ -21,6 +21,7 @@ class ServiceKind(StrEnum):
     FILES = "Files"
     CALIBRATION = "Calibration"
     RATES = "Rates"
+    CONSOLE = "Console"
 
 
 class ServiceJob(msgspec.Struct, frozen=True, kw_only=True):

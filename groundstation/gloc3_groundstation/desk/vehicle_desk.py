@@ -11,6 +11,8 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase, CalibrationState, Side, SideState
 from gloc3.mavlink.services.plan import PlanType
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.desk.console_desk import ConsoleDesk
+from gloc3_groundstation.desk.control import require_control
 from gloc3_groundstation.desk.parameter_desk import ParameterDesk
 from gloc3_groundstation.desk.plan_desk import PlanDesk
 from gloc3_groundstation.desk.service_jobs import JobOutcome, Jobs, ServiceJob, ServiceKind, Work, attempt
@@ -58,6 +60,7 @@ class VehicleDesk:
         self.jobs: Final = Jobs()
         self.parameters: Final = ParameterDesk(self.begin, services.parameters)
         self.plans: Final = PlanDesk(self.begin, services.plans)
+        self.console: Final = ConsoleDesk(self.begin, services.console, self.require_control)
         self.logs: tuple[LogLine, ...] | None = None
         """The newest first; None until they were listed."""
         self.listing: Folder | None = None
@@ -95,6 +98,14 @@ class VehicleDesk:
     def begin(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
         """Begins something; what changes the vehicle becomes an event."""
         self.jobs.begin(service, what, work, self._note if is_change else None)
+
+    def require_control(self) -> None:
+        """Checks that this station may command the vehicle.
+
+        Raises:
+            Refused: it is an observer, or not in control.
+        """
+        require_control(self._station, self.name)
 
     # --- logs ---
 

@@ -1,10 +1,11 @@
-"""Vehicle services: commands, parameters, plans, logs, files, calibration and message rates of any PX4 or ArduPilot vehicle.
+"""Vehicle services: commands, parameters, plans, logs, files, calibration, rates and console of any PX4 or ArduPilot vehicle.
 
 Desks start them as jobs; each service has one path to the vehicle.
 """
 
 __all__ = [
     "actions",
+    "console",
     "files",
     "logs",
     "machines",

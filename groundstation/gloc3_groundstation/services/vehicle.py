@@ -8,8 +8,10 @@ from gloc3.mavlink.services.files.ftp_client import FtpClient
 from gloc3.mavlink.services.files.log_client import LogClient
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
+from gloc3.mavlink.services.shell import ShellClient
 from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.calibrations import CalibrationService
+from gloc3_groundstation.services.console import ConsoleService
 from gloc3_groundstation.services.descriptions.component_metadata import (
     DescriptionCache,
     MetadataClient,
@@ -39,12 +41,12 @@ class VehicleServices:
         commands, parameters, files = MavCommandClient(own), ParameterClient(own), FtpClient(own)
         logs, mission = LogClient(own), MissionClient(own)
         self._snapshots = SnapshotService(own, target, commands)
-        metadata = MetadataClient(own, target)
+        metadata, shell = MetadataClient(own, target), ShellClient(own, target)
         meter = FrameRateMeter()
         self.machines: Final = Machines(
             wire,
             target.system,
-            [commands, parameters, files, logs, mission, metadata, self._snapshots],
+            [commands, parameters, files, logs, mission, metadata, shell, self._snapshots],
             received=meter.count,
         )
         self.ftp: Final = files
@@ -69,6 +71,7 @@ class VehicleServices:
         self.plans: Final = PlanService(self.machines, mission, self._snapshots)
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
         self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots)
+        self.console: Final = ConsoleService(self.machines, shell, self._snapshots)
         self._mavsdk = MavsdkBehindLink(wire, target)
         self.actions: Final = ActionService(self.machines, commands, self._mavsdk, self._snapshots)
         self.rates: Final = RateService(self.machines, commands, meter, target)
@@ -85,5 +88,6 @@ class VehicleServices:
     async def close(self) -> None:
         """Ends what is under way, which is refused, and MAVSDK's process."""
         self.calibration.close()
+        self.console.leave()
         await self._mavsdk.close()
         self.machines.close()

@@ -139,6 +139,20 @@ async def test_parameters_are_described_by_the_vehicle_or_by_what_is_shipped(veh
                 await services.parameters.fetch_infos()
 
 
+async def test_the_shell_of_px4_is_typed_into_and_ardupilot_has_none(vehicle: tuple[str, int]) -> None:
+    style, port = vehicle
+    async with at_hand(port) as (services, _):
+        if style == "ardupilot":
+            with pytest.raises(Refused, match="ArduPilot has no shell"):
+                await services.console.open()
+            return
+        await services.console.run("ver all")
+        await services.console.run("reboot now")
+        lines = services.console.text.lines
+        assert "FW version: 1.16.0" in lines
+        assert "nsh: reboot: command not found" in lines
+
+
 async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple[str, int], tmp_path: Path) -> None:
     async with at_hand(vehicle[1]) as (services, _):
         seen: list[JobProgress] = []

@@ -1,4 +1,4 @@
-"""Calibration as PX4 tells it, injected failures, outputs, and the shell that is not there."""
+"""Calibration as PX4 tells it, injected failures, outputs, and the shell."""
 
 from math import degrees, radians
 
@@ -120,13 +120,24 @@ def test_there_is_no_camera_and_no_mount(style: str, command: int) -> None:
     assert Bench(style).command(command, 1) is Result.UNSUPPORTED
 
 
-def test_who_types_at_the_shell_is_told_that_there_is_none() -> None:
-    bench = Bench()
-    line = b"ver all\n"
+def typed(bench: Bench, line: bytes) -> str:
+    bench.received.clear()
     data = (*line, *bytes(70 - len(line)))
     bench.send("SERIAL_CONTROL", device=10, flags=2, timeout=0, baudrate=0, count=len(line), data=data)
-    answer = bench.last("SERIAL_CONTROL")
-    assert b"there is no shell" in bytes(answer.data[: answer.count])
+    return b"".join(bytes(one.data[: one.count]) for one in bench.received if one.name == "SERIAL_CONTROL").decode()
+
+
+def test_the_shell_of_px4_echoes_and_runs_a_few_commands() -> None:
+    bench = Bench()
+    assert typed(bench, b"ver") == "ver"
+    assert typed(bench, b" all\n").startswith(" all\nHW arch: GLOC3_SITL\nFW version: 1.")
+    assert typed(bench, b"param show NAV_DLL_ACT\n").endswith("NAV_DLL_ACT: 0\nnsh> \x1b[K")
+    assert "no parameter NAV_X" in typed(bench, b"param show NAV_X\n")
+    assert "ver" in typed(bench, b"help\n")
+    assert "nsh: rm: command not found" in typed(bench, b"rm -rf /\n")
+    assert typed(bench, b"half\x03") == "half^C\nnsh> \x1b[K"
+    assert typed(bench, b"\n") == "\nnsh> \x1b[K"
+    assert typed(Bench("ardupilot"), b"help\n") == ""
 
 
 # -- ArduPilot ----------------------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ __all__ = [
     "parameter_client",
     "parameter_server",
     "plan",
+    "shell",
     "statustext",
     "timesync",
     "version",

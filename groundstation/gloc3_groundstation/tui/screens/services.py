@@ -1,4 +1,4 @@
-"""The vehicle services: parameters, plans, logs, files, calibration and message rates of the vehicle in view."""
+"""The vehicle services: parameters, plans, logs, files, calibration, rates and console of the vehicle in view."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -13,6 +13,7 @@ from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.services_desk import reached
 from gloc3_groundstation.tui.screen import Offer, PaletteCommand, StationScreen, offers
 from gloc3_groundstation.tui.services.calibration import CalibrationPane
+from gloc3_groundstation.tui.services.console import ConsolePane
 from gloc3_groundstation.tui.services.files import FilesPane
 from gloc3_groundstation.tui.services.logs import LogsPane
 from gloc3_groundstation.tui.services.pane import ServicePane
@@ -30,6 +31,7 @@ PANES: Final[tuple[type[ServicePane], ...]] = (
     FilesPane,
     CalibrationPane,
     RatesPane,
+    ConsolePane,
 )
 
 

@@ -15,6 +15,7 @@ from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandS
 from gloc3.mavlink.services.files.ftp_server import FtpServer
 from gloc3.mavlink.services.files.log_server import LogServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
+from gloc3.mavlink.services.shell import ShellServer
 from gloc3.mavlink.services.statustext import StatusTextSender
 from gloc3.mavlink.services.timesync import TimeSync
 from gloc3.messages.envelope import Severity
@@ -41,6 +42,7 @@ from gloc3_sitl.autopilot.mavlink.parameter_sync import (
     queried_parameters,
 )
 from gloc3_sitl.autopilot.mavlink.plan_sync import PlanSync
+from gloc3_sitl.autopilot.mavlink.shell import Shell
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 from gloc3_sitl.autopilot.verdict import RequestVerdict
@@ -86,6 +88,8 @@ class Front:
         self.plans: Final = PlanSync(context)
         self.files: Final = OnboardFiles(autopilot.logger, autopilot.style.log_folder)
         self._events = EventSender(own)
+        self._typed = ShellServer(own)
+        self._shell = Shell(autopilot)
         self._serve_files()
         if before is not None:
             self.plans.load(before.plans)
@@ -123,9 +127,9 @@ class Front:
 
     def _services(self) -> tuple[Microservice[Any], ...]:
         own = self.context.own
-        events = (self._events,) if self.context.health is not None else ()
+        of_px4 = (self._events, self._typed) if self.context.is_px4 else ()
         return (
-            *events,
+            *of_px4,
             self._commands,
             self._authorizer,
             self._texts,
@@ -187,6 +191,8 @@ class Front:
             if verdict.result is Result.IN_PROGRESS:
                 self._calibration = (request, self.craft.now_s + _CALIBRATION_S)
             self._commands.answer(request, CommandResult(int(verdict.result)), now_s=now_s)
+        for typed in self._typed.events():
+            self._typed.reply(typed.sender, self._shell.type(*typed))
         send = self.context.router.send
         messages = self._node.outgoing()
         if len(messages) > 1:

@@ -18,10 +18,6 @@ from gloc3_sitl.autopilot.verdict import Author, RequestVerdict
 
 Listener = Callable[[FrontContext, MavlinkMessage, Address], None]
 
-_SHELL: Final = 10
-"""SERIAL_CONTROL_DEV: the shell."""
-_SHELL_BYTES: Final = 70
-_NO_SHELL: Final = "gloc3 sitl: there is no shell here; no command is run\n"
 _POLE_DEG: Final = 90.0
 _GO_NOW: Final = 2
 _OVER_SEA: Final = (0, 5)
@@ -107,18 +103,6 @@ def _target(context: FrontContext, message: MavlinkMessage, sender: Address) -> 
     )
 
 
-def _shell(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
-    """Replies that there is no shell; ArduPilot has none on this message either."""
-    if not context.is_px4 or message.device != _SHELL or not message.count:
-        return
-    text = _NO_SHELL.encode()
-    link = context.link_of(sender)
-    if link is not None:
-        fields = {"device": _SHELL, "flags": 1, "timeout": 0, "baudrate": 0, "count": len(text)}
-        data = (*text, *bytes(_SHELL_BYTES - len(text)))
-        link.send(link.encoder.encode(codec.message("SERIAL_CONTROL", data=data, **fields)))
-
-
 def _guided_item(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
     """ArduPilot's legacy guided item: a mission item marked as a position to go to now."""
     if context.is_px4 or message.current != _GO_NOW:
@@ -199,7 +183,6 @@ LISTENERS: Final[Mapping[str, Listener]] = {
     "OPEN_DRONE_ID_SYSTEM": _operator,
     "RC_CHANNELS_OVERRIDE": _override,
     "REQUEST_DATA_STREAM": _data_stream,
-    "SERIAL_CONTROL": _shell,
     "SETUP_SIGNING": _signing,
     "SET_ATTITUDE_TARGET": _attitude,
     "SET_GPS_GLOBAL_ORIGIN": _origin,

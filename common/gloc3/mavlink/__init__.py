@@ -1,6 +1,6 @@
 """MAVLink: `codec` and `parser` turn bytes into frames and messages, `router` forwards frames, `signing` signs them.
 
-`transport` carries the bytes; `services` are the microservices, plain objects without I/O that a `node` drives.
+`shell` is a vehicle's shell; `transport` carries the bytes; `services` are the microservices, plain objects without I/O that a `node` drives.
 """
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "round_trip",
     "router",
     "service",
+    "shell",
     "signing",
     "signing_key",
     "tlog",

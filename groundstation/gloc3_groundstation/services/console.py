@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from gloc3.documents.characters import HARMLESS, first_steering, steers
 from gloc3.errors import Refused
-from gloc3.mavlink.services.shell import ShellClient, ShellData
+from gloc3.mavlink.shell import ShellClient, ShellData
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.snapshot import Firmware, SnapshotService
 

@@ -8,7 +8,7 @@ from gloc3.mavlink.services.files.ftp_client import FtpClient
 from gloc3.mavlink.services.files.log_client import LogClient
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
-from gloc3.mavlink.services.shell import ShellClient
+from gloc3.mavlink.shell import ShellClient
 from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.calibrations import CalibrationService
 from gloc3_groundstation.services.console import ConsoleService

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from gloc3.documents.characters import first_steering
 from gloc3.errors import Refused
 from gloc3.mavlink.services.heartbeat import ARMED
-from gloc3.mavlink.services.shell import SHELL
+from gloc3.mavlink.shell import SHELL
 from gloc3_groundstation.services.console import MOST_LINES, WIDEST, ConsoleText
 
 from .scripted_vehicle import ARDUPILOT, STATION, Scene, over

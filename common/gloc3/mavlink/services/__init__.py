@@ -20,7 +20,6 @@ __all__ = [
     "parameter_client",
     "parameter_server",
     "plan",
-    "shell",
     "statustext",
     "timesync",
     "version",

@@ -15,9 +15,9 @@ from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandS
 from gloc3.mavlink.services.files.ftp_server import FtpServer
 from gloc3.mavlink.services.files.log_server import LogServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
-from gloc3.mavlink.services.shell import ShellServer
 from gloc3.mavlink.services.statustext import StatusTextSender
 from gloc3.mavlink.services.timesync import TimeSync
+from gloc3.mavlink.shell import ShellServer
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import TangentPlane
 from gloc3_sitl.autopilot.autopilot import Autopilot

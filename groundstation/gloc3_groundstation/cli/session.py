@@ -52,6 +52,10 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Why the configuration file could not be used; empty where it could."""
     foxglove_port: int | None = None
     """Where Foxglove is served; None for nowhere."""
+    forward: tuple[str, ...] = ()
+    """Links to other stations, one way."""
+    forward_both: tuple[str, ...] = ()
+    """Links to other stations, whose commands pass to the vehicles."""
     rtk: str = ""
     """Source of RTK corrections; empty for none."""
 
@@ -224,6 +228,10 @@ class Session:
         ground, view = GroundStation(self._setup), None
         try:
             await ground.open(self._options.urls, self._options.modems)
+            for url in self._options.forward:
+                await ground.links.forward(url, is_both=False)
+            for url in self._options.forward_both:
+                await ground.links.forward(url, is_both=True)
             if self._options.rtk:
                 await ground.corrections.open(self._options.rtk)
             if self._options.foxglove_port is not None:

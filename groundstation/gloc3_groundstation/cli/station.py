@@ -16,6 +16,7 @@ from gloc3.mission.examples import find_mission
 from gloc3_groundstation.cli.run_output import RunOutput, print_json
 from gloc3_groundstation.cli.script import parse_command
 from gloc3_groundstation.corrections.source_url import parse_source
+from gloc3_groundstation.links.forwarding import check_forward
 from gloc3_groundstation.missions.plans import CheckedPlan, read_plan
 from gloc3_groundstation.reporting.outcomes import RunOutcome
 from gloc3_groundstation.web.server import HOST, PORT, WebOptions
@@ -126,6 +127,12 @@ class StationOptions:
     """The network file of this station, made by gloc3 network: an encrypted connection to the platforms, with
     the name and role of its certificate, beside the links. Without --link no MAVLink link is then
     opened."""
+    forward: Annotated[list[str] | None, Parameter(negative=())] = None
+    """Send the frames of all vehicles to another station: udpout://HOST:PORT, tcpout://, udpin:// or tcpin://; may be
+    given again. Commands from there do not reach the vehicles. Default: forward of the configuration file, else none."""
+    forward_both: Annotated[list[str] | None, Parameter(negative=())] = None
+    """The same, and frames from there, commands included, pass to the vehicles. Default: forward_both of the
+    configuration file, else none."""
     rtk: str | None = None
     """RTK corrections for every PX4 or ArduPilot vehicle that is heard: ntrip://USER:PASSWORD@HOST:2101/MOUNTPOINT
     (ntrips:// with TLS), tcp://HOST:PORT, or serial:///dev/PORT:BAUD for a base that sends RTCM 3. A password is better
@@ -136,7 +143,7 @@ class StationOptions:
     reaches it. ?key=FILE tags its frames."""
     config: Path | None = None
     """The configuration file (TOML), written when the terminal closes if missing: theme, links, station_id,
-    signing_key, rtk, downloads, and the state of the last session. Default: gloc3/station.toml in the XDG configuration
+    signing_key, forward, rtk, downloads, and the state of the last session. Default: gloc3/station.toml in the XDG configuration
     directory."""
     no_record: Annotated[bool, FLAG] = False
     """Record nothing. Otherwise events, all received messages (MCAP) and every MAVLink frame (.tlog) are kept in
@@ -232,6 +239,8 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         configuration=configuration,
         problem=problem,
         foxglove_port=options.foxglove_port if options.foxglove else None,
+        forward=tuple(configuration.forward if options.forward is None else options.forward),
+        forward_both=tuple(configuration.forward_both if options.forward_both is None else options.forward_both),
         rtk=configuration.rtk if options.rtk is None else options.rtk,
     )
     ending = Ending()
@@ -329,6 +338,8 @@ def _check(options: StationOptions) -> None:
         raise Refused("there is no terminal here; use --headless, or --web for a browser")
     if options.rtk:
         parse_source(options.rtk)
+    for url in (*(options.forward or ()), *(options.forward_both or ())):
+        check_forward(url)
     for name, port in (("foxglove", options.foxglove_port), ("web", options.web_port)):
         if not 0 <= port <= 65535:
             raise Refused(f"--{name}-port must be from 0 to 65535")

@@ -23,6 +23,9 @@ class LinkStore(Protocol):
     async def add(self, url: str) -> None:
         """Opens one more link; raises `Refused` where that cannot be."""
 
+    async def forward(self, url: str, *, is_both: bool) -> None:
+        """Opens a link to another station, one way or both; raises `Refused` where that cannot be."""
+
     async def remove(self, url: str) -> None:
         """Closes a link; raises `Refused` where there is none of that name."""
 
@@ -35,6 +38,10 @@ class NoLinks:
         return ()
 
     async def add(self, url: str) -> None:
+        """Refuses."""
+        raise Refused(f"{url}: this station opens no links")
+
+    async def forward(self, url: str, *, is_both: bool) -> None:
         """Refuses."""
         raise Refused(f"{url}: this station opens no links")
 
@@ -123,6 +130,11 @@ class FleetDesk:
     async def add_link(self, url: str) -> bool:
         """Opens one more link."""
         return await self._linked(self._links.add(url), f"link {url} is open")
+
+    async def forward_to(self, url: str, *, is_both: bool) -> bool:
+        """Forwards the vehicles' frames to another station, whose commands pass to them if it is both ways."""
+        how = "both ways: commands from there pass to the vehicles" if is_both else "one way"
+        return await self._linked(self._links.forward(url, is_both=is_both), f"frames are forwarded to {url}, {how}")
 
     async def remove_link(self, url: str) -> bool:
         """Closes a link; its vehicles are left to their policies."""

@@ -1,6 +1,6 @@
-"""The station's links: MAVLink over any transport, the network of platforms, acoustic modems.
+"""The station's links: MAVLink over any transport, other stations, the network of platforms, acoustic modems.
 
 Exactly one station heartbeat is sent on each link.
 """
 
-__all__ = ["acoustic_route", "link", "link_snapshot", "links", "network_route"]
+__all__ = ["acoustic_route", "forwarding", "link", "link_snapshot", "links", "network_route"]

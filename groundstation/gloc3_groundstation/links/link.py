@@ -83,6 +83,8 @@ class LinkContext(msgspec.Struct, frozen=True, kw_only=True):
     """Called with messages that the command link has given up on all links that carried them."""
     tap: Tap = lambda _: None
     """Receives every frame, in and out."""
+    forward: Callable[["StationLinkCore", Frame], None] = lambda _, __: None
+    """Called with every genuine frame that a link receives, for other stations."""
     routes: StationRoutes = msgspec.field(default_factory=StationRoutes)
     """Which message goes by which link, and which has come by another already."""
     sent: SentFrames = msgspec.field(default_factory=SentFrames)
@@ -172,6 +174,7 @@ class StationLinkCore:
             elif not self._signed_only.passes(frame, now_s):
                 continue
             self._gaps.receive(frame)
+            self._context.forward(self, frame)
             if frame.message_id == self._tunnel_id:
                 message = frame.decode()
                 if message is not None:
@@ -207,6 +210,10 @@ class StationLinkCore:
     def send(self, message: MavlinkMessage) -> None:
         """Sends a message of the station's."""
         self._send_message(message)
+
+    def forward(self, raw: bytes) -> None:
+        """Sends a frame of another station as it is."""
+        self._send(raw)
 
     def received(self) -> list[str]:
         """Names of live peers, from their heartbeats: `autopilot 1/1`, `system 1/191`."""

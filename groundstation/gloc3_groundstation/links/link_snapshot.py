@@ -33,6 +33,8 @@ class LinkSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """By reason, frames that were dropped since their signature is missing or wrong."""
     genuine: int = 0
     """Frames with a right signature."""
+    forwards: str = ""
+    """Which frames pass between another station there and the vehicles; empty for a link of vehicles."""
 
     def note(self) -> str:
         """Text about problems with its frames for users; empty without any."""

@@ -3,27 +3,32 @@
 import asyncio
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Final
+from typing import Final, Generic, TypeVar
+
+import msgspec
 
 from gloc3.errors import Refused
 from gloc3.exchange.tunnel.pacing import budget_of
 from gloc3.mavlink.message import Address
+from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.network.file import Membership
+from gloc3_groundstation.links.forwarding import Forwarding, ForwardLink, check_forward
 from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.links.network_route import NetworkRoute
 from gloc3_groundstation.links.station_routes import LINE, NETWORK
 
 MEASURE_EVERY_S: Final = 1.0
+L = TypeVar("L")
 
 
-class _Opened:
+class _Opened(Generic[L]):
     """A link with its socket, and how much passes."""
 
-    def __init__(self, endpoint: Endpoint, link: StationLinkCore) -> None:
+    def __init__(self, endpoint: Endpoint, link: L) -> None:
         self.endpoint: Final = endpoint
         self.link: Final = link
         self.rates = (0.0, 0.0)
@@ -45,8 +50,11 @@ class Links:
     """
 
     def __init__(self, context: LinkContext, signing_key: bytes | None = None) -> None:
-        self._context, self._signing_key = context, signing_key
-        self._open: list[_Opened] = []
+        self._signing_key = signing_key
+        self._open: list[_Opened[StationLinkCore]] = []
+        self._forwarded: list[_Opened[ForwardLink]] = []
+        self._forwarding = Forwarding(context.own, lambda: [each.link for each in self._open], context.report)
+        self._context = msgspec.structs.replace(context, forward=self._from_vehicle)
         self._network: NetworkRoute | None = None
         self._is_closed = False
         self._timer: asyncio.TimerHandle | None = None
@@ -70,7 +78,7 @@ class Links:
         """
         if self._is_closed:
             raise Refused("the station is closed")
-        if any(opened.endpoint.url == url for opened in self._open):
+        if self._is_open(url):
             raise Refused(f"link {url} is open already")
         wanted = parse_url(url)
         key = read_signing_key(Path(wanted.key).expanduser()) if wanted.key else self._signing_key
@@ -86,6 +94,38 @@ class Links:
         links.append(self._begin(endpoint, settings))
         if warning := wanted.warning(is_signed=key is not None):
             self._context.report(warning)
+
+    async def forward(self, url: str, *, is_both: bool) -> None:
+        """Opens a link to another station, to which the vehicles' frames are forwarded.
+
+        Args:
+            url: of the link; a serial line is none.
+            is_both: frames from there are passed to the vehicles.
+
+        Raises:
+            Refused: it is open already, the URL is wrong, or its address cannot be had.
+        """
+        if self._is_closed:
+            raise Refused("the station is closed")
+        if self._is_open(url):
+            raise Refused(f"link {url} is open already")
+        check_forward(url)
+        context = self._context
+        link = ForwardLink(is_both=is_both)
+
+        def receive(data: bytes) -> None:
+            self._forwarding.from_station(link, data, context.loop.time())
+
+        endpoint = link.endpoint = await open_endpoint(url, context.loop, receive)
+        self._forwarded.append(_Opened(endpoint, link))
+        self._forwarding.links.append(link)
+
+    def _is_open(self, url: str) -> bool:
+        urls = [each.endpoint.url for each in self._open] + [each.endpoint.url for each in self._forwarded]
+        return url in urls
+
+    def _from_vehicle(self, link: StationLinkCore, frame: Frame) -> None:
+        self._forwarding.from_vehicle(link, frame, self._context.loop.time())
 
     def attach(self, end: MemoryEnd) -> StationLinkCore:
         """Opens a link in memory, as flights in virtual time have it."""
@@ -106,6 +146,13 @@ class Links:
         Raises:
             Refused: there is none of that URL.
         """
+        forwarded = [opened for opened in self._forwarded if opened.endpoint.url == url]
+        for each in forwarded:
+            self._forwarded.remove(each)
+            self._forwarding.links.remove(each.link)
+            await each.endpoint.close()
+        if forwarded:
+            return
         found = [opened for opened in self._open if opened.endpoint.url == url]
         if not found:
             raise Refused(f"there is no link {url}")
@@ -117,29 +164,48 @@ class Links:
         """All links as they are now, with those of some platforms that are behind each."""
         names = tuple(platforms)
         network = () if self._network is None else (self._network.snapshot(names),)
-        return network + tuple(
-            LinkSnapshot(
-                url=endpoint.url,
-                is_connected=endpoint.is_connected,
-                problem=endpoint.problem,
-                bytes_in_s=opened.rates[0],
-                bytes_out_s=opened.rates[1],
-                frames_in=link.frames_received,
-                frames_out=link.frames_sent,
-                dropped=endpoint.dropped,
-                received=tuple(link.received()),
-                platforms=tuple(name for name, _ in link.platforms() if name in names),
-                lost=link.lost,
-                refusals=link.refusals,
-                genuine=link.genuine,
+        return (
+            network
+            + tuple(
+                LinkSnapshot(
+                    url=endpoint.url,
+                    is_connected=endpoint.is_connected,
+                    problem=endpoint.problem,
+                    bytes_in_s=opened.rates[0],
+                    bytes_out_s=opened.rates[1],
+                    frames_in=link.frames_received,
+                    frames_out=link.frames_sent,
+                    dropped=endpoint.dropped,
+                    received=tuple(link.received()),
+                    platforms=tuple(name for name, _ in link.platforms() if name in names),
+                    lost=link.lost,
+                    refusals=link.refusals,
+                    genuine=link.genuine,
+                )
+                for opened in self._open
+                for endpoint, link in ((opened.endpoint, opened.link),)
             )
-            for opened in self._open
-            for endpoint, link in ((opened.endpoint, opened.link),)
+            + tuple(
+                LinkSnapshot(
+                    url=each.endpoint.url,
+                    is_connected=each.endpoint.is_connected,
+                    problem=each.endpoint.problem,
+                    bytes_in_s=each.rates[0],
+                    bytes_out_s=each.rates[1],
+                    frames_in=each.link.parser.frames_received,
+                    frames_out=each.link.sent,
+                    dropped=each.endpoint.dropped,
+                    forwards=each.link.describe(),
+                )
+                for each in self._forwarded
+            )
         )
 
     def _measure(self) -> None:
         for opened in self._open:
             opened.measure(MEASURE_EVERY_S)
+        for each in self._forwarded:
+            each.measure(MEASURE_EVERY_S)
         self._timer = self._context.loop.call_later(MEASURE_EVERY_S, self._measure)
 
     def describe(self) -> str:
@@ -185,4 +251,7 @@ class Links:
         for opened in self._open:
             opened.link.close()
             await opened.endpoint.close()
+        for each in self._forwarded:
+            await each.endpoint.close()
         self._open.clear()
+        self._forwarded.clear()

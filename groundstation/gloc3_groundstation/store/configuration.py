@@ -44,6 +44,10 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     links: tuple[str, ...] = (DEFAULT_LINK,)
     signing_key: str = ""
     """A file with the key that signs all links; empty for links that are not signed."""
+    forward: tuple[str, ...] = ()
+    """Links to other stations, to which the vehicles' frames are forwarded, one way."""
+    forward_both: tuple[str, ...] = ()
+    """The same, and frames from there pass to the vehicles."""
     rtk: str = ""
     """Source of RTK corrections, such as `ntrip://USER:PASSWORD@HOST:2101/MOUNTPOINT`; empty for none."""
     downloads: str = ""

@@ -35,16 +35,16 @@ class YesNoQuestion(ModalScreen[bool]):
 
     BINDINGS = [Binding("y", "answer(True)", "Yes"), Binding("n,escape", "answer(False)", "No")]
 
-    def __init__(self, question: str, yes: str) -> None:
+    def __init__(self, question: str, yes: str, no: str = "cancel") -> None:
         super().__init__()
         self._question = question
-        self._yes = yes
+        self._yes, self._no = yes, no
 
     def compose(self) -> ComposeResult:
         """The question and the two keys."""
         with Vertical(classes="question"):
             yield Static(self._question, markup=False)
-            yield choices(("y", self._yes), ("n", "cancel"))
+            yield choices(("y", self._yes), ("n", self._no))
 
     def action_answer(self, answer: bool) -> None:
         """Closes with the answer."""

@@ -8,7 +8,7 @@ from textual.binding import Binding
 
 from gloc3.messages.command_interface import ControlVerb
 from gloc3_groundstation.desk.desk import Order
-from gloc3_groundstation.tui.dialogues.questions import TextQuestion
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion, YesNoQuestion
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.fleet import (
@@ -34,6 +34,9 @@ QUESTIONS = {
 SINGLE_VEHICLE_ORDERS = (Order.LAND, Order.START)
 """Orders that also require confirmation for the selected vehicle; for marked ones all do."""
 OVERRIDE_QUESTION = "Take over control of {} from station {}?\nIts operator is not asked; the takeover is logged."
+FORWARD_QUESTION = (
+    "Let commands from there pass to the vehicles?\nThe vehicles then obey that station as they obey this one."
+)
 CLOSE_QUESTION = "Close {}?\n{} can no longer be reached over it; on_link_loss of its mission applies."
 
 
@@ -62,6 +65,7 @@ class FleetScreen(StationScreen):
         Binding("t", "control('take_over')", "Take over", tooltip="takes control without permission; asks first"),
         Binding("z", "control('release')", "Release", tooltip="gives control back"),
         Binding("n", "add_link", "New link", tooltip="udpin://, udpout://, tcpin://, tcpout://, serial://"),
+        Binding("w", "forward", "Forward", show=False, tooltip="sends the vehicles' frames to another station"),
         Binding("delete", "remove_link", "Close link", tooltip="the link under the cursor"),
     ]
     AUTO_FOCUS = "#vehicles"
@@ -185,6 +189,21 @@ class FleetScreen(StationScreen):
 
         hint = "udpin://0.0.0.0:14551, tcpout://HOST:5760, serial:///dev/ttyUSB0:57600"
         self.app.push_screen(TextQuestion("Open which link?", "", hint), named)
+
+    def action_forward(self) -> None:
+        """Asks for the URL of another station, and whether its commands pass to the vehicles."""
+
+        def named(url: str | None) -> None:
+            if not url:
+                return
+
+            def answered(is_both: bool | None) -> None:
+                self.do(self.desk.fleet.forward_to(url, is_both=bool(is_both)))
+
+            self.app.push_screen(YesNoQuestion(FORWARD_QUESTION, "let them pass", "one way only"), answered)
+
+        hint = "udpout://HOST:14550, tcpout://HOST:5760"
+        self.app.push_screen(TextQuestion("Forward the vehicles' frames to which station?", "", hint), named)
 
     def action_remove_link(self) -> None:
         """Closes the link under the cursor; confirms first if vehicles are behind it."""

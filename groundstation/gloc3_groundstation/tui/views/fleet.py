@@ -112,7 +112,11 @@ def link_lines(link: LinkSnapshot, width: int) -> list[Line]:
 def link_line(link: LinkSnapshot, width: int) -> Line:
     """One link."""
     is_lost = bool(link.problem) and not link.is_connected
-    behind = ", ".join((*link.platforms, *link.received)) or ("no system heard" if link.is_connected else "none yet")
+    behind = (
+        link.forwards
+        or ", ".join((*link.platforms, *link.received))
+        or ("no system heard" if link.is_connected else "none yet")
+    )
     tone = Tone.WARN if link.refusals else Tone.TEXT if link.platforms or link.received else Tone.DIM
     if remark := link.note():
         behind = f"{remark}; {behind}" if link.refusals else f"{behind}; {remark}"

@@ -67,6 +67,9 @@ class ScriptedLinks:
             raise Refused(f"endpoint {url!r} has no scheme")
         self.open.append(LinkSnapshot(url=url, is_connected=False))
 
+    async def forward(self, url: str, *, is_both: bool) -> None:
+        self.open.append(LinkSnapshot(url=url, is_connected=True, forwards="both ways" if is_both else "one way"))
+
     async def remove(self, url: str) -> None:
         self.open = [link for link in self.open if link.url != url]
 

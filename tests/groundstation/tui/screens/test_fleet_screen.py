@@ -135,3 +135,62 @@ async def test_a_link_is_opened_and_closed_by_keys() -> None:
         await here.press("y")
         await here.wait(lambda: "udpin" not in here.shown("links"))
         assert [link.url for link in links.open][-1] == "tcpout://boat:5760"
+
+
+@pytest.mark.sockets
+async def test_frames_are_forwarded_one_way_unless_commands_are_let_pass() -> None:
+    links = ScriptedLinks(*LINKS)
+    async with scene(None, links=links) as here:
+        here.platform.speak()
+        await here.go("0")
+        for answer, forwards in (("n", "one way"), ("y", "both ways")):
+            await here.press("w")
+            await here.shows(TextQuestion)
+            (await here.field()).value = f"udpout://{answer}:14550"
+            await here.press("enter")
+            await here.shows(YesNoQuestion)
+            await here.press(answer)
+            await here.until("links", f"udpout://{answer}:14550")
+            assert links.open[-1].forwards == forwards
+        await here.press("w")
+        await here.shows(TextQuestion)
+        await here.press("escape")
+        await here.wait(lambda: here.app.screen is here.app.base)
+        assert links.open[-1].url == "udpout://y:14550"
+
+
+class Corrections:
+    """Takes addresses of corrections."""
+
+    def __init__(self) -> None:
+        self.opened: list[str] = []
+
+    async def open(self, url: str) -> None:
+        self.opened.append(url)
+
+    async def stop(self) -> None:
+        self.opened.append("stop")
+
+
+@pytest.mark.sockets
+async def test_the_password_of_a_caster_is_typed_without_being_shown() -> None:
+    async with scene(None) as here:
+        taken = here.app.desk.fleet.corrections = Corrections()
+        here.platform.speak()
+        here.app.action_corrections()  # as the row of the palette does
+        await here.shows(TextQuestion)
+        (await here.field()).value = "ntrip://me@home.org@caster:2101/BASE"
+        await here.press("enter")
+        await here.wait(lambda: "Password of me@home.org" in str(getattr(here.app.screen, "_question", "")))
+        field = await here.field()
+        assert field.password
+        field.value = "s/cret@"
+        await here.press("enter")
+        await here.wait(lambda: taken.opened == ["ntrip://me@home.org:s%2Fcret%40@caster:2101/BASE"])
+        here.app.action_corrections()
+        await here.wait(lambda: "from where" in str(getattr(here.app.screen, "_question", "")))
+        (await here.field()).value = "tcp://base:9000"
+        await here.press("enter")
+        await here.wait(lambda: taken.opened[-1] == "tcp://base:9000")
+        here.app.action_end_corrections()
+        await here.wait(lambda: taken.opened[-1] == "stop")

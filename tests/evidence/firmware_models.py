@@ -155,7 +155,7 @@ MODELS: Final = (
         "PX4",
         "planes are taken for landed only while they turn slower than LNDFW_ROT_MAX, which the noise of SIH's gyros exceeds",
         (),
-        "there is no plane in PX4's style; a landing that does not end is tested with COM_DISARM_LAND -1 (tests/flight)",
+        "there is no plane in PX4's style; a landing that does not end is tested with MPC_THR_MIN 0.3 and COM_DISARM_LAND -1 (tests/flight)",
     ),
     FirmwareModel(
         "PX4",

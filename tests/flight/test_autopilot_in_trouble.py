@@ -102,8 +102,20 @@ def test_a_fix_that_jumps_or_sticks_never_leads_the_vehicle_away(flight: Card, f
 
 
 @ONE_STYLE
-def test_a_landing_that_the_autopilot_never_ends_fails_soon_and_the_operator_is_told_what_to_do(flight: Card) -> None:
+def test_a_landing_that_the_autopilot_sees_and_does_not_end_is_ended_by_disarming(flight: Card) -> None:
     flight.begin(mission(), parameters={"COM_DISARM_LAND": -1.0})
+    flight.await_state("recover.down", "running", 60.0)
+    flight.await_state("mission", "done", 60.0)
+    assert not flight.autopilot.is_armed
+    assert not flight.last("driver").has_pilot_control
+
+
+@ONE_STYLE
+def test_a_landing_that_the_autopilot_never_ends_fails_soon_and_the_operator_is_told_what_to_do(flight: Card) -> None:
+    flight.begin(
+        mission(),
+        parameters={"MPC_THR_MIN": 0.3},  # too much to look like lying on the ground
+    )
     flight.await_state("recover.down", "running", 60.0)
     flight.await_state("mission", "failed", 60.0)
     assert flight.was_told("it has stood still for 30 s, but is armed in mode AUTO.LAND")

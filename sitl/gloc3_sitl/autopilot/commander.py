@@ -124,7 +124,7 @@ class Commander:
         craft = self.craft
         if not craft.is_armed:
             return ACCEPTED
-        if not (craft.is_landed or is_forced or self.style.disarms_in_motion):
+        if not (craft.is_grounded or is_forced or self.style.disarms_in_motion):
             return self._refuse("Disarming denied: not landed")
         craft.is_armed = False
         craft.send_text(Severity.INFO, f"Disarmed by {author}")
@@ -180,6 +180,8 @@ class Commander:
             return "no position"
         if craft.is_armed and mode.behaviour in self.style.on_earth and not craft.estimator.is_yaw_aligned:
             return "no global position"
+        if mode.behaviour is Behaviour.LAND and craft.flight is not None and not craft.flight.is_flying:
+            return "it does not fly"
         if mode.behaviour is Behaviour.MISSION:
             problem = self._mission_problem()
             if problem:

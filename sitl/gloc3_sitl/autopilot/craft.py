@@ -16,6 +16,25 @@ from gloc3_sitl.autopilot.plans import StoredPlans
 from gloc3_sitl.autopilot.tuning import Tuning
 
 
+class TouchdownSigns(NamedTuple):
+    """What tells ground from air."""
+
+    wants_down: bool
+    """The setpoint is a descent (or absent)."""
+    wants_up: bool
+    """The setpoint is a climb."""
+    thrust_share: float
+    """Collective thrust over that of hover."""
+    is_idle: bool
+    """The thrust is the least one, and the vehicle does not turn."""
+    speed_down_m_s: float
+    """Estimated vertical speed."""
+    is_climb_known: bool
+    """No height contradicts it."""
+    height_m: float
+    """Height over ground from the range finder, NaN if unknown."""
+
+
 class TouchdownDetector:
     """Land detector: landed after thrust, motion and setpoint agree for a while; in the air once it climbs."""
 
@@ -25,6 +44,8 @@ class TouchdownDetector:
     """How long the signs of touchdown must last."""
     CERTAIN_S = 3.0
     """Time without thrust and motion after which the vehicle counts as landed, whatever the range finder reads, s."""
+    UNSEEN_S = 8.0
+    """Time at the least thrust, without turning, after which it counts as landed where its climb is not known (PX4)."""
 
     def __init__(self) -> None:
         self.is_landed = True
@@ -32,42 +53,33 @@ class TouchdownDetector:
         """When it last came to the ground."""
         self._since_s: float | None = None
 
-    def update(
-        self,
-        now_s: float,
-        *,
-        is_armed: bool,
-        wants_down: bool,
-        wants_up: bool,
-        thrust_share: float,
-        speed_down_m_s: float,
-        height_m: float,
-    ) -> None:
+    def update(self, now_s: float, signs: TouchdownSigns, *, is_armed: bool) -> None:
         """Updates from the state, at 50 Hz.
 
         Args:
             now_s: the time.
+            signs: of ground and air.
             is_armed: motors are on.
-            wants_down: the setpoint is a descent (or absent).
-            wants_up: the setpoint is a climb.
-            thrust_share: collective thrust over that of hover.
-            speed_down_m_s: estimated vertical speed.
-            height_m: height over ground from the range finder, NaN if unknown.
         """
         if not is_armed:
             self._become(True, now_s)
             self._since_s = None
             return
         if self.is_landed:
-            if wants_up and thrust_share > 0.9 and (speed_down_m_s < -0.15 or height_m > 0.3):
+            climbs = signs.speed_down_m_s < -0.15 or signs.height_m > 0.3
+            if signs.wants_up and signs.thrust_share > 0.9 and climbs:
                 self._become(False, now_s)
             return
-        is_down = wants_down and thrust_share < 0.6 and abs(speed_down_m_s) < 0.25
-        if not is_down:
+        if signs.is_climb_known:
+            is_down = signs.thrust_share < 0.6 and abs(signs.speed_down_m_s) < 0.25
+            lasts_s = self.CERTAIN_S if signs.height_m > 0.5 else self.SETTLE_S
+        else:
+            is_down, lasts_s = signs.is_idle, self.UNSEEN_S
+        if not (signs.wants_down and is_down):
             self._since_s = None
         elif self._since_s is None:
             self._since_s = now_s
-        elif now_s - self._since_s >= (self.CERTAIN_S if height_m > 0.5 else self.SETTLE_S):
+        elif now_s - self._since_s >= lasts_s:
             self._become(True, now_s)
             self._since_s = None
 
@@ -75,6 +87,29 @@ class TouchdownDetector:
         if is_landed and not self.is_landed:
             self.landed_s = now_s
         self.is_landed = is_landed
+
+
+class FlightDetector:
+    """Whether a plane flies, as Plane judges it: it moves through the air or over ground, low-passed over seconds."""
+
+    __slots__ = ("_likely",)
+
+    SHARE = 0.016
+    """Of each look, at 50 Hz: what does not move any more counts as standing after 2.8 s."""
+    LIKELY = 0.1
+
+    def __init__(self) -> None:
+        self._likely = 0.0
+
+    def update(self, *, is_armed: bool, moves_in_air: bool, moves_over_ground: bool) -> None:
+        """Updates from air speed and satellites, at 50 Hz; without motors both have to show it."""
+        moves = moves_in_air or moves_over_ground if is_armed else moves_in_air and moves_over_ground
+        self._likely += self.SHARE * (moves - self._likely)
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether it probably flies."""
+        return self._likely >= self.LIKELY
 
 
 Report = Callable[[Severity, str], None]
@@ -150,6 +185,8 @@ class Craft:
     """Height of the range finder over the ground when the vehicle stands, as in its readings, m."""
     airspeed_m_s: float = nan
     """By the pitot tube, where there is one."""
+    flight: FlightDetector | None = None
+    """Whether a plane flies; None for other vehicles."""
     vtol: VtolState | None = None
     """What a VTOL flies on; None for other vehicles."""
     is_leaking: bool = False
@@ -179,6 +216,11 @@ class Craft:
     def is_landed(self) -> bool:
         """On the ground."""
         return self.touchdown.is_landed
+
+    @property
+    def is_grounded(self) -> bool:
+        """On the ground as far as others are told, and may disarm it: for a plane, too slow to fly, whatever its motor does."""
+        return self.is_landed or (self.flight is not None and not self.flight.is_flying)
 
     @property
     def height_over_home_m(self) -> float:

@@ -1,6 +1,6 @@
 """The first flight in both styles: arm, take off, hold, follow streamed setpoints, land."""
 
-from math import sqrt
+from math import nan, sqrt
 
 import pytest
 
@@ -43,6 +43,19 @@ def test_a_range_finder_that_is_stuck_keeps_no_landing_from_its_end(style: str) 
     bench.sim.sensors.fail("height", "stuck")
     assert bench.command(LAND) is Result.ACCEPTED
     bench.run_until(lambda: not bench.is_armed, 20.0)
+    assert abs(bench.position[2]) < 0.02
+
+
+def test_a_climb_that_a_receiver_repeats_for_ever_keeps_no_landing_from_its_end() -> None:
+    bench = Bench("px4")
+    bench.get_ready()
+    assert bench.command(ARM, 1) is Result.ACCEPTED
+    assert bench.command(TAKE_OFF, nan, 0, 0, nan, nan, nan, nan) is Result.ACCEPTED
+    bench.run_until(lambda: bench.position[2] < -1.1, 10.0)
+    bench.sim.sensors.fail("fix", "stuck")
+    bench.run_until(lambda: bench.mode == "Hold", 10.0)
+    assert bench.command(LAND) is Result.ACCEPTED
+    bench.run_until(lambda: not bench.is_armed, 30.0)
     assert abs(bench.position[2]) < 0.02
 
 

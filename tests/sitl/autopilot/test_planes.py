@@ -12,6 +12,8 @@ from gloc3_sitl.physics.wind import gusty
 
 from .bench import ARM, REPOSITION, TAKE_OFF, Bench
 
+REQUEST_MESSAGE = 512
+
 
 def ready(**settings: Any) -> Bench:
     bench = Bench(None, vehicle="plane", **settings)
@@ -30,6 +32,11 @@ def flying(**settings: Any) -> Bench:
 
 def height_m(bench: Bench) -> float:
     return -bench.position[2]
+
+
+def landed_state(bench: Bench) -> int:
+    assert bench.command(REQUEST_MESSAGE, 245) is Result.ACCEPTED
+    return int(bench.last("EXTENDED_SYS_STATE").landed_state)
 
 
 def away_m(bench: Bench, north_m: float, east_m: float) -> float:
@@ -119,6 +126,27 @@ def test_it_returns_to_a_circle_round_home_and_lands_from_there() -> None:
     assert away_m(bench, 0.0, 0.0) < 220.0
     bench.run(4.0)
     assert not bench.is_armed
+
+
+def test_it_lands_only_what_flies_and_may_be_disarmed_where_it_hardly_moves() -> None:
+    bench = flying()
+    assert bench.command(ARM, 0) is Result.FAILED
+    bench = ready()
+    assert bench.set_mode("AUTOLAND") is Result.FAILED
+    assert bench.texts[-1] == "AUTOLAND denied: it does not fly"
+    assert bench.set_mode("MANUAL") is Result.ACCEPTED
+    bench.pilot.sticks(throttle=0.4)
+    bench.pilot.arm()
+    bench.run(0.5)
+    assert bench.is_armed
+    assert not bench.is_landed, "its motor turns"
+    assert landed_state(bench) == 1
+    assert bench.command(ARM, 0) is Result.ACCEPTED
+    bench.pilot.sticks(throttle=1.0)
+    bench.pilot.arm()
+    bench.run(6.0)
+    assert landed_state(bench) == 2
+    assert bench.command(ARM, 0) is Result.FAILED
 
 
 def test_a_lost_station_sends_it_home_after_the_time_that_is_set() -> None:

@@ -18,6 +18,9 @@ UNSEEN_S: Final = 120.0
 """So long what shall come to rest is waited for where nobody knows how fast it is; then it counts as standing."""
 RISING_M_S: Final = 1.0
 """Assumed rate of climb of what floats when it is asked to surface, until its velocity shows otherwise."""
+GROUNDED_S: Final = 25.0
+"""A vehicle that the autopilot has reported on the ground for so long in our landing, and that it has not disarmed, is
+asked to disarm, s; ArduPilot's own delay is 20 s (LAND_DISARMDELAY)."""
 ENDING_M: Final = 3.0
 """Distance from the last position of a plan at which the autopilot may end it, m (PX4: NAV_ACC_RAD, 2 m at most)."""
 
@@ -110,6 +113,8 @@ class ManoeuvreMachine:
         self._height_m = 0.0
         self._end_ned_m: Vector3 | None = None
         self._comes_down = False
+        self._grounded_since_s: float | None = None
+        """Since when it has been armed on the ground in our landing."""
         self.away_m: float | None = None
         """Distance from home over ground, as the driver keeps it; None where it is not known."""
 
@@ -144,6 +149,8 @@ class ManoeuvreMachine:
             away_m: distance from home over ground; None where that is not known.
         """
         self.away_m = away_m
+        if manoeuvre.kind is not ManoeuvreKind.LAND or manoeuvre.action_id != self.action_id:
+            self._grounded_since_s = None
         self.action_id, self.kind = manoeuvre.action_id, manoeuvre.kind
         self.state, self.reason, self.ticket = ManoeuvreState.RUNNING, "", 0
         self._since_s, self._is_requested, self._has_armed = now_s, False, False
@@ -221,6 +228,8 @@ class ManoeuvreMachine:
             return ()
         if autopilot is None:
             return self._advance_unseen(now_s, answer)
+        if self._is_left_armed(autopilot, now_s):
+            return (Disarm(),)
         while self._steps and self._is_reached(self._steps[0], autopilot, answer, now_s, rested_s):
             self._has_armed |= isinstance(self._steps[0], Arm) and self._is_requested
             self._steps.pop(0)
@@ -255,6 +264,18 @@ class ManoeuvreMachine:
             self._is_requested = True
             return (step,)
         return ()
+
+    def _is_left_armed(self, autopilot: AutopilotState, now_s: float) -> bool:
+        """Whether it has stood on the ground for long, armed; again after as long. In flight the autopilot refuses."""
+        may_be = self.kind is ManoeuvreKind.LAND and self._behaviour.disarms_itself
+        if not (may_be and autopilot.is_armed and autopilot.landed is LandedState.ON_GROUND):
+            self._grounded_since_s = None
+        elif self._grounded_since_s is None:
+            self._grounded_since_s = now_s
+        elif now_s - self._grounded_since_s >= GROUNDED_S:
+            self._grounded_since_s = now_s
+            return True
+        return False
 
     def _is_reached(
         self,

@@ -1,6 +1,6 @@
 """Multirotor control: position to attitude to rates to four throttles, and touchdown detection."""
 
-from math import sqrt
+from math import hypot, nan, radians, sqrt
 from typing import Final
 
 from gloc3.errors import Misuse
@@ -9,7 +9,7 @@ from gloc3_sitl.autopilot.airframe import PELICAN, Airframe
 from gloc3_sitl.autopilot.control.position import PositionController
 from gloc3_sitl.autopilot.control.rates import AttitudeController, RateController, attitude_for
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
-from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.craft import Craft, TouchdownSigns
 from gloc3_sitl.autopilot.periods import OUTER_S, OUTER_STEPS, STEP_S
 
 Throttles = tuple[float, float, float, float]
@@ -19,6 +19,10 @@ IDLE: Throttles = (0.0, 0.0, 0.0, 0.0)
 """Motors stopped."""
 _IDLE_THRUST: Final = 0.03
 """Collective thrust of motors that idle."""
+_IDLES: Final = 0.1
+"""Up to this share of the way from the least thrust to that of hovering, a landing vehicle idles, as in PX4 …"""
+_TURNS_RAD_S: Final = radians(20.0)
+"""… while it rolls and pitches slower than this (LNDMC_ROT_MAX)."""
 _THRUST_RISE_PER_S: Final = 1.2
 """Largest rise of the collective thrust after standing on the ground, 1/s."""
 
@@ -205,12 +209,15 @@ class MultirotorControl:
             wants_up = off < -0.05 or speed < -0.05
             wants_down = setpoint is LANDED or off > 0.05 or speed > 0.1
         is_range_fresh = now_s - self._estimator.range_t_s < 0.3
-        craft.touchdown.update(
-            now_s,
-            is_armed=craft.is_armed,
+        least = self._tuning.gains.thrust_min
+        p, q, _ = inertial.rate_frd_rad_s
+        signs = TouchdownSigns(
             wants_down=wants_down,
             wants_up=wants_up,
             thrust_share=self.thrust / self._tuning.hover_thrust,
+            is_idle=self.thrust <= least + _IDLES * (self._tuning.hover_thrust - least) and hypot(p, q) < _TURNS_RAD_S,
             speed_down_m_s=inertial.velocity_ned_m_s[2],
-            height_m=self._estimator.height_above_ground_m - craft.range_mount_m if is_range_fresh else float("nan"),
+            is_climb_known=self._estimator.is_climb_good(now_s),
+            height_m=self._estimator.height_above_ground_m - craft.range_mount_m if is_range_fresh else nan,
         )
+        craft.touchdown.update(now_s, signs, is_armed=craft.is_armed)

@@ -7,7 +7,7 @@ from gloc3.errors import Misuse
 from gloc3.messages.frames import GRAVITY_M_S2, Quaternion, from_euler, to_euler, wrap_pi
 from gloc3_sitl.autopilot.control.setpoint import LANDED, Setpoint, WingSetpoint
 from gloc3_sitl.autopilot.control.wing_gains import WingGains
-from gloc3_sitl.autopilot.craft import Craft
+from gloc3_sitl.autopilot.craft import Craft, FlightDetector
 from gloc3_sitl.autopilot.periods import OUTER_S, STEP_S
 
 Rudders = tuple[float, float, float, float]
@@ -15,6 +15,11 @@ Rudders = tuple[float, float, float, float]
 _STOPPED: Final[Rudders] = (0.0, 0.0, -1.0, 0.0)
 _STANDS_M_S: Final = 1.0
 _STANDS_S: Final = 1.5
+_FLIES_FROM: Final = 0.75
+"""Share of the slowest air speed above which a plane may fly …"""
+_ROLLS_M_S: Final = 5.0
+"""… and speed over ground."""
+_FIX_LOST_S: Final = 4.0
 _STARTS: Final = 0.2
 """Throttle above which a plane on the ground counts as rolling."""
 
@@ -40,6 +45,9 @@ class WingControl:
         self._roll_sum = self._pitch_sum = 0.0
         self._stands_s = 0.0
         self._is_balancing = False
+        self._flight: Final = FlightDetector()
+        if lands:
+            craft.flight = self._flight
 
     @property
     def wanted_attitude(self) -> Quaternion:
@@ -101,6 +109,7 @@ class WingControl:
         touchdown = craft.touchdown
         if not self._lands:
             return
+        self._mind_flight()
         if not craft.is_armed:
             if not touchdown.is_landed:
                 touchdown.landed_s = craft.now_s
@@ -114,6 +123,15 @@ class WingControl:
             self._stands_s = craft.now_s
         elif not touchdown.is_landed and craft.now_s - self._stands_s > _STANDS_S:
             touchdown.is_landed, touchdown.landed_s = True, craft.now_s
+
+    def _mind_flight(self) -> None:
+        craft, fix = self._craft, self._craft.estimator.fix
+        has_fix = fix is not None and fix.fix_type >= 3 and craft.now_s - fix.t_s < _FIX_LOST_S
+        self._flight.update(
+            is_armed=craft.is_armed,
+            moves_in_air=craft.airspeed_m_s >= _FLIES_FROM * self._gains.slowest_m_s,
+            moves_over_ground=fix is not None and has_fix and hypot(*fix.velocity_ned_m_s[:2]) >= _ROLLS_M_S,
+        )
 
     def outputs(self) -> Rudders:
         """The outputs for the next 5 ms."""

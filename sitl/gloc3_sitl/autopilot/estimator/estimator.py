@@ -291,6 +291,10 @@ class Estimator:
         """Whether a height source was accepted within the last second."""
         return now_s - max(self.height_state.accepted_s, self.barometer_state.accepted_s) < 1.0
 
+    def is_climb_good(self, now_s: float) -> bool:
+        """Whether no height has contradicted the climb within the last two seconds."""
+        return now_s - self.height_state.refused_s > 2.0
+
     def is_heading_good(self, now_s: float) -> bool:
         """Whether a heading source was accepted within the last two seconds."""
         return now_s - self.heading_state.accepted_s < 2.0

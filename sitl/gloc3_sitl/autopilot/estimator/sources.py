@@ -40,6 +40,8 @@ class AidingState:
     """Time of the last accepted measurement."""
     refused_since_s: float | None = None
     """Since when its measurements have failed the gate without a break."""
+    refused_s: float = -1e9
+    """Time of the last refused one."""
     accepted: int = 0
     """Number of accepted measurements."""
     test_ratio: float = 0.0
@@ -53,6 +55,7 @@ class AidingState:
             self.accepted += 1
             self.refused_since_s = None
             return True
+        self.refused_s = now_s
         if self.refused_since_s is None:
             self.refused_since_s = now_s
         return False

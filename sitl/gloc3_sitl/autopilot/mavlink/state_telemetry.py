@@ -103,7 +103,7 @@ def battery_status(autopilot: "Autopilot") -> MavlinkMessage | None:
 def _landed_state(autopilot: "Autopilot") -> Landed:
     """Where the vehicle is between ground and air."""
     craft = autopilot.craft
-    if craft.is_landed:
+    if craft.is_grounded:
         return Landed.ON_GROUND
     match autopilot.commander.mode.behaviour:
         case Behaviour.TAKE_OFF:

@@ -6,8 +6,9 @@ import pytest
 from msgspec.structs import replace
 from tests.onboard.driver_rig import DriverRig
 from tests.onboard.messages import autopilot_pose, pose, setpoint
+from tests.onboard.scripted_autopilot import ScriptedAutopilot
 
-from gloc3.messages.vehicle import FlightMode, LandedState, Manoeuvre, ManoeuvreKind
+from gloc3.messages.vehicle import FlightMode, LandedState, Manoeuvre, ManoeuvreKind, VehicleClass
 
 STYLES = pytest.mark.parametrize("style", ["px4", "ardupilot"])
 TAKE_OFF, LAND, HOLD = ManoeuvreKind.TAKE_OFF, ManoeuvreKind.LAND, ManoeuvreKind.HOLD
@@ -296,3 +297,38 @@ def test_without_the_autopilots_state_the_hold_at_the_end_of_a_stream_is_asked_f
     rig.autopilot.commands.clear()
     silence(rig, 10.0)
     assert requested(rig) == []
+
+
+@STYLES
+def test_what_stays_armed_on_the_ground_after_a_landing_is_asked_to_disarm_again_and_again(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    rig.autopilot.refuses["disarm"] = "not landed"
+    rig.request(LAND)
+    rig.run(40.0)
+    assert "disarm" not in requested(rig), "in the air"
+    rig.autopilot.state = replace(rig.autopilot.state, landed=LandedState.ON_GROUND)
+    rig.run(24.0)
+    assert "disarm" not in requested(rig), "the autopilot does it"
+    rig.run(2.0)
+    assert requested(rig).count("disarm") == 1
+    assert rig.autopilot.state.is_armed
+    rig.autopilot.refuses.clear()
+    rig.run(25.0)
+    assert requested(rig).count("disarm") == 2
+    assert rig.state.manoeuvre_state == "done"
+    assert not rig.state.has_pilot_control
+    assert "disarm, forced" not in requested(rig)
+
+
+def test_a_plane_that_does_not_fly_is_disarmed_although_it_refuses_its_landing() -> None:
+    rig = DriverRig(autopilot=ScriptedAutopilot("ardupilot", VehicleClass.PLANE))
+    rig.step()
+    rig.autopilot.refuses["mode land"] = "it does not fly"
+    rig.autopilot.state = replace(rig.autopilot.state, is_armed=True, landed=LandedState.ON_GROUND)
+    rig.see()
+    rig.driver._watch.yield_back()
+    for _ in range(14):  # as the landing controller repeats itself
+        rig.request(LAND)
+        rig.run(2.0)
+    assert requested(rig).count("disarm") == 1
+    assert not rig.autopilot.state.is_armed

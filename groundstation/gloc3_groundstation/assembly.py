@@ -19,6 +19,7 @@ from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 from gloc3.network.file import Membership
+from gloc3.terrain import Terrain
 from gloc3_groundstation.corrections.corrections import Corrections
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.events_desk import EventsDesk
@@ -65,6 +66,8 @@ class StationSetup(msgspec.Struct, frozen=True, kw_only=True):
     """Folder for downloads from vehicles, and base of file names that the operator types."""
     signing_key: bytes | None = None
     """Signs all links; None for links that are not signed."""
+    terrain: Terrain | None = None
+    """Heights of the ground; None without tiles."""
     network: Membership | None = None
     """The network file of this station; None for MAVLink alone."""
 
@@ -90,6 +93,7 @@ class GroundStation:
         self._feed_file = None if setup.record is None else FeedFile(self._kept_in(setup.record, SHOWN), self.loop)
         feed = None if self._feed_file is None else self._feed_file.feed
         self.station: Final = Station(self.exchange, self.loop, setup.name, setup.boot, feed)
+        self.station.terrain = setup.terrain
         if setup.network is not None:
             self.station.client.role = role_of(setup.network)
         self._silences = self._begin_silences()

@@ -262,7 +262,7 @@ class VehicleSide:
             storage.reports,
             context.random.getrandbits(31),
             storage.computer_start,
-            Background(storage.log_store, storage.worker or ImmediateExecutor()),
+            Background(storage.log_store, storage.worker or ImmediateExecutor(), inputs.terrain),
         )
         devices = {
             **sensors.devices,

@@ -12,6 +12,7 @@ from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.transport.endpoints import Endpoint
 from gloc3.platform.platform import Platform
 from gloc3.store import Records
+from gloc3.terrain import Terrain
 from gloc3_onboard.command_server.log_shelf import LogStoreBase
 from gloc3_onboard.companion.routing import Keep
 from gloc3_onboard.process.event_narration import Report
@@ -111,6 +112,8 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     system_id: int = 1
     accepts_plans: bool = False
     """Plans that other stations send to the autopilot become missions, and do not reach it."""
+    terrain: Terrain | None = None
+    """Heights of the ground, for missions; None without tiles."""
 
 
 class Attachment(NamedTuple):

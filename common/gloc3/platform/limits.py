@@ -35,6 +35,9 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
     """Greatest height above home."""
     altitude_min_m: NotNegative = 0.5
     """Least height above the ground or the sea bed that a path may request."""
+    ground_clearance_m: NotNegative | None = None
+    """Least height above the ground of terrain tiles, where they are given; no less than their errors, which reach 10 m and
+    more. None: paths below that ground are warned of."""
     fence_margin_m: NotNegative = 0.5
     """Distance that waypoints and legs keep from the fence, without wind."""
     wind_m_s: NotNegative = 0.0

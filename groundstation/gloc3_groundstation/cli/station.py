@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
+import msgspec
 from cyclopts import App, Parameter
 
 from gloc3.cli.narration import narrate
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.mission.examples import find_mission
+from gloc3.terrain import Terrain, open_terrain
 from gloc3_groundstation.cli.run_output import RunOutput, print_json
 from gloc3_groundstation.cli.script import parse_command
 from gloc3_groundstation.corrections.source_url import parse_source
@@ -145,6 +147,9 @@ class StationOptions:
     """The configuration file (TOML), written when the terminal closes if missing: theme, links, station_id,
     signing_key, forward, rtk, downloads, and the state of the last session. Default: gloc3/station.toml in the XDG configuration
     directory."""
+    terrain: Path | None = None
+    """Folder with terrain tiles (SRTM .hgt or .hgt.zip), for missions with heights above the ground and the height
+    profile of the map; none is downloaded. Default: that of the configuration file, else none."""
     no_record: Annotated[bool, FLAG] = False
     """Record nothing. Otherwise events, all received messages (MCAP) and every MAVLink frame (.tlog) are kept in
     gloc3/station in the XDG state directory."""
@@ -204,20 +209,6 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
     """
     _check(options)
     modems = tuple(_modem(text) for text in options.acoustic or ())
-    plan: CheckedPlan | None = None
-    opens = ""
-    if options.mission is not None:
-        find_mission(options.mission)  # a name that nothing has is wrong use; what is wrong in a file is not
-        try:
-            plan = _read(options.mission, options.platform)
-        except InputError as error:
-            if options.headless or options.start or options.exit_when_done:
-                narrate(f"{error}\nthe mission did not pass the check")
-                output.findings(error.findings)
-                return RunOutcome.FAILED if options.headless else RunOutcome.FAILED.exit_code
-            opens = options.mission
-    if options.at_contact and plan is not None and len(plan.platforms) > 1:
-        raise Refused("--at-contact goes with a mission for one platform")
     from gloc3_groundstation.cli.ending import Ending
     from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions, TerminalOptions
     from gloc3_groundstation.store.configuration import Configuration, ConfigurationFile, default_path
@@ -227,10 +218,30 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         configuration = file.read()
     except InputError as error:
         problem = f"{error}; the station runs with its defaults and leaves the file as it is"
+    terrain = open_terrain(options.terrain)
+    if terrain is None and configuration.terrain:
+        try:
+            terrain = open_terrain(Path(configuration.terrain))
+        except Refused as refusal:
+            problem = f"{problem}\n{refusal}".strip()
+    plan: CheckedPlan | None = None
+    opens = ""
+    if options.mission is not None:
+        find_mission(options.mission)  # a name that nothing has is wrong use; what is wrong in a file is not
+        try:
+            plan = _read(options.mission, options.platform, terrain)
+        except InputError as error:
+            if options.headless or options.start or options.exit_when_done:
+                narrate(f"{error}\nthe mission did not pass the check")
+                output.findings(error.findings)
+                return RunOutcome.FAILED if options.headless else RunOutcome.FAILED.exit_code
+            opens = options.mission
+    if options.at_contact and plan is not None and len(plan.platforms) > 1:
+        raise Refused("--at-contact goes with a mission for one platform")
     if options.mission is not None:
         is_file = Path(options.mission).is_file()
         configuration = configuration.with_mission(str(Path(options.mission).resolve()) if is_file else options.mission)
-    setup = _setup(options, configuration)
+    setup = msgspec.structs.replace(_setup(options, configuration), terrain=terrain)
     requested = SessionOptions(
         urls=tuple(options.link or ([] if setup.network is not None else configuration.links)),
         modems=modems,
@@ -265,7 +276,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         return asyncio.run(session.show(shown, keep=file.write))
 
 
-def _read(mission: str, platform: str | None) -> CheckedPlan:
+def _read(mission: str, platform: str | None, terrain: Terrain | None) -> CheckedPlan:
     """The mission, checked for the platform as far as that is known before it is heard.
 
     The vehicle may have another file of the name that is installed here: then only that one can refuse the mission.
@@ -274,11 +285,11 @@ def _read(mission: str, platform: str | None) -> CheckedPlan:
         InputError: it may not fly.
     """
     try:
-        return read_plan(mission, platform)
+        return read_plan(mission, platform, terrain=terrain)
     except InputError as error:
         if platform is None or Path(platform).is_file():
             raise
-        plan = read_plan(mission)
+        plan = read_plan(mission, terrain=terrain)
         narrate(
             f"{error}\nwarning: this is by the platform file {platform} that is installed here; the vehicle's own decides"
         )

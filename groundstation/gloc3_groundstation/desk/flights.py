@@ -209,9 +209,9 @@ async def stream(station: Station, platform: str, plan: CheckedPlan, *, is_far_o
     """
     received = station.fleet.get(platform)
     if received is not None:
-        plan = recheck(plan, platform, received.component_names, received.platform_digest)
+        plan = recheck(plan, platform, received.component_names, received.platform_digest, station.terrain)
     else:
-        plan = recheck(plan, platform)
+        plan = recheck(plan, platform, terrain=station.terrain)
     for warning in plan.warnings:
         station.note(platform, Severity.WARNING, warning)
     if distance := far_away(plan.text, plan.title, received):

@@ -58,6 +58,7 @@ class MissionDesk:
                     made_of=plan.converted_from,
                 ),
                 None,
+                station.terrain,
             )
             if self.draft.outline is not None:
                 self._keep(self.draft.outline)
@@ -86,7 +87,7 @@ class MissionDesk:
             name: the vehicle that it is checked for.
         """
         try:
-            draft = await asyncio.to_thread(drafts.opened, file, self.platform(name))
+            draft = await asyncio.to_thread(drafts.opened, file, self.platform(name), self.station.terrain)
         except Refused as refusal:
             self._note(name, Severity.ERROR, f"open: {refusal}")
             return False
@@ -109,7 +110,7 @@ class MissionDesk:
         draft = self.draft
         if draft is None:
             return True
-        found = await asyncio.to_thread(drafts.checked, draft, self.platform(name))
+        found = await asyncio.to_thread(drafts.checked, draft, self.platform(name), self.station.terrain)
         if self.draft is not draft:
             return False
         self._put(found)
@@ -225,7 +226,7 @@ class MissionDesk:
             reply = await self.station.client.carry_out(name, ReadMission())
         except Gloc3Error:
             return
-        circumstances = Circumstances(platform=self.platform(name))
+        circumstances = Circumstances(platform=self.platform(name), terrain=self.station.terrain)
         report = await asyncio.to_thread(check_text, reply.text, platform.mission.value.name, circumstances)
         outline = outline_of(report, circumstances.capabilities())
         if outline is not None:

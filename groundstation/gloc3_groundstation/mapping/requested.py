@@ -1,22 +1,29 @@
 """A mission as drawn on the map: path of each action, numbered waypoints, the fence."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from math import dist
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 
 from gloc3.errors import InputError
-from gloc3.messages.frames import GeoPoint, LocalFrame, Vector3
+from gloc3.messages.frames import GeoPoint, LocalFrame, TangentPlane, Vector3
 from gloc3.messages.motion import SiteSummary
 from gloc3.mission.checking.estimate import estimate
+from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.fence import Fence
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import GEO
 from gloc3.mission.model.structure import PartialOrder, structure_findings
+from gloc3.mission.reading.mission_site import MissionSite
 from gloc3.mission.reading.reader import MissionReferences, inspect_mission
+from gloc3.terrain import Terrain
 
+GROUND_POINTS = 400
+"""Places along a path at which the ground is read, for its profile."""
 SAME_M = 0.05
 """Points that are nearer to each other are one."""
 
@@ -50,6 +57,8 @@ class Requested(msgspec.Struct, frozen=True):
     """In an order in which they can be flown."""
     waypoints: tuple[Waypoint, ...] = ()
     fence: Fence | None = None
+    ground_m: tuple[tuple[float, float], ...] = ()
+    """Distances along the whole path, and heights of the ground there above the origin; empty without terrain tiles."""
 
     @property
     def path_ned_m(self) -> tuple[Vector3, ...]:
@@ -65,16 +74,17 @@ class Requested(msgspec.Struct, frozen=True):
         return self.paths[-1].starts_m + self.paths[-1].length_m if self.paths else 0.0
 
 
-def requested(text: str, site: SiteSummary | None) -> Requested | None:
+def requested(text: str, site: SiteSummary | None, terrain: Terrain | None = None) -> Requested | None:
     """Parses a mission for drawing; None where it cannot be placed.
 
     Args:
         text: of the mission.
         site: the vehicle's frame, and home; None where they are unknown: x is then north, home the origin.
+        terrain: heights of the ground; None without tiles: heights above it are then drawn as above home.
     """
     if site is None:
-        return _requested(text, "", 0.0, None, None)
-    return _requested(text, site.frame, site.x_axis_bearing_deg, site.origin_geo, site.home_m)
+        return _requested(text, "", 0.0, None, None, terrain)
+    return _requested(text, site.frame, site.x_axis_bearing_deg, site.origin_geo, site.home_m, terrain)
 
 
 @lru_cache(maxsize=32)
@@ -84,6 +94,7 @@ def _requested(
     bearing_deg: float,
     origin_geo: tuple[float, float, float] | None,
     home_m: Vector3 | None,
+    terrain: Terrain | None,
 ) -> Requested | None:
     origin = GeoPoint(*origin_geo) if origin_geo is not None else None
     frame = LocalFrame(origin or GeoPoint(0.0, 0.0, 0.0), bearing_deg)
@@ -92,6 +103,9 @@ def _requested(
         frames={frame_name: frame} if frame_name else None,
         origin=origin,
         home_altitude_m=origin.altitude_m - home_ned_m[2] if origin is not None else None,
+        home=TangentPlane(origin).geo_from_ned(home_ned_m) if origin is not None else None,
+        terrain=terrain,
+        is_ground_level=True,
     )
     try:
         reading = inspect_mission(text, "mission", surroundings)
@@ -116,6 +130,22 @@ def _requested(
         length_m = sum(dist(a, b) for a, b in pairwise(points))
         routes.append(ActionPath(target, tuple(points), along_m, length_m))
         along_m += length_m
-        for position in getattr(actions[target].order, "waypoints_ned_m", ()):
-            waypoints.append(Waypoint(len(waypoints) + 1, target, position))
-    return msgspec.structs.replace(found, paths=tuple(routes), waypoints=tuple(waypoints))
+        order = actions[target].order
+        between = set(order.between) if isinstance(order, FollowWaypointsOrder) else ()
+        for index, position in enumerate(getattr(order, "waypoints_ned_m", ())):
+            if index not in between:
+                waypoints.append(Waypoint(len(waypoints) + 1, target, position))
+    found = msgspec.structs.replace(found, paths=tuple(routes), waypoints=tuple(waypoints))
+    return msgspec.structs.replace(found, ground_m=_ground(found.path_ned_m, reading.site))
+
+
+def _ground(path_ned_m: Sequence[Vector3], site: MissionSite | None) -> tuple[tuple[float, float], ...]:
+    """The ground below a path: distance along it, height above the origin of NED."""
+    if site is None or site.ground is None or site.origin is None or len(path_ned_m) < 2:
+        return ()
+    points = np.array(path_ned_m)
+    along_m = np.cumsum([0.0, *(dist(a, b) for a, b in pairwise(path_ned_m))])
+    at_m = np.linspace(0.0, along_m[-1], GROUND_POINTS)
+    rows = np.column_stack([np.interp(at_m, along_m, points[:, axis]) for axis in range(3)])
+    clearances_m, _ = site.ground.clearances_m(TangentPlane(site.origin), [(n, e, d) for n, e, d in rows.tolist()])
+    return tuple(zip(at_m.tolist(), (-rows[:, 2] - clearances_m).tolist(), strict=True))

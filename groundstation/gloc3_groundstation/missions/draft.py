@@ -13,6 +13,7 @@ from gloc3.mission.reading.library import bundled
 from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
 from gloc3.store import replace_file
+from gloc3.terrain import Terrain
 from gloc3_groundstation.missions.outline import Outline, outline_of
 from gloc3_groundstation.missions.plans import CheckedPlan, known_platform
 
@@ -103,7 +104,7 @@ def new_draft(platform: Platform | None) -> Draft:
     return checked(Draft(name=NEW_NAME, text=text, kept_text=text), platform)
 
 
-def opened(name: str, platform: Platform | None) -> Draft:
+def opened(name: str, platform: Platform | None, terrain: Terrain | None = None) -> Draft:
     """Opens a mission file, an example, or another program's plan; never raises for errors in it.
 
     Raises:
@@ -136,14 +137,14 @@ def opened(name: str, platform: Platform | None) -> Draft:
         made_of=str(path) if is_plan else "",
         left_out=_own(left_out, path.name),
     )
-    return checked(draft, platform)
+    return checked(draft, platform, terrain)
 
 
-def checked(draft: Draft, platform: Platform | None) -> Draft:
+def checked(draft: Draft, platform: Platform | None, terrain: Terrain | None = None) -> Draft:
     """The same, checked again; costs milliseconds, for a mission of thousands of waypoints seconds."""
     if draft.is_fixed:
         return draft
-    circumstances = Circumstances(platform=platform, known=known_platform)
+    circumstances = Circumstances(platform=platform, known=known_platform, terrain=terrain)
     try:
         carried = bundled(draft.text, Path(draft.path or draft.name))
     except InputError as error:
@@ -179,7 +180,7 @@ def written_as(draft: Draft, path: Path, platform: Platform | None) -> tuple[str
     """
     if is_mission_file(path):
         return draft.text, ()
-    mission = read_mission(draft.carried, draft.name, MissionReferences.of(platform))
+    mission = read_mission(draft.carried, draft.name, MissionReferences.of(platform, is_ground_level=True))
     text, lost = exported(mission, path.suffix, draft.name)
     return text, tuple(lost)
 

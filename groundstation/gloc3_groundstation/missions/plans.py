@@ -18,6 +18,7 @@ from gloc3.mission.model.model import digest_of
 from gloc3.platform.bases import platform_files
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform, named_platform
+from gloc3.terrain import Terrain
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
@@ -49,7 +50,9 @@ class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     """The file of the platform that was named for the check; empty where none was, or an installed one by its name."""
 
 
-def read_plan(name: str, platform: str | None = None, components: Collection[str] = ()) -> CheckedPlan:
+def read_plan(
+    name: str, platform: str | None = None, components: Collection[str] = (), terrain: Terrain | None = None
+) -> CheckedPlan:
     """Reads and checks a mission.
 
     Args:
@@ -57,6 +60,7 @@ def read_plan(name: str, platform: str | None = None, components: Collection[str
         platform: the platform's name, or its file; where a file of that name is installed here too the check is as
             strict as onboard.
         components: that it has, where that is known.
+        terrain: heights of the ground; None without tiles.
 
     Raises:
         Refused: there is no such file.
@@ -66,7 +70,7 @@ def read_plan(name: str, platform: str | None = None, components: Collection[str
     if not path.is_file():
         raise Refused(f"there is no mission file {name!r}")
     known = known_platform(platform, components)
-    circumstances = Circumstances(platform=known, known=known_platform)
+    circumstances = Circumstances(platform=known, known=known_platform, terrain=terrain)
     is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
     if is_foreign:
         plan = _plan(check_plan(path, circumstances).report)
@@ -83,7 +87,13 @@ def read_plan(name: str, platform: str | None = None, components: Collection[str
     return msgspec.structs.replace(plan, platform_file=str(platform)) if is_file else plan
 
 
-def recheck(plan: CheckedPlan, platform: str, components: Collection[str] = (), digest: str = "") -> CheckedPlan:
+def recheck(
+    plan: CheckedPlan,
+    platform: str,
+    components: Collection[str] = (),
+    digest: str = "",
+    terrain: Terrain | None = None,
+) -> CheckedPlan:
     """Checks a mission again for the platform that it goes to, if that one's file is here.
 
     A plan of another program is converted again, at the platform's speed.
@@ -93,6 +103,7 @@ def recheck(plan: CheckedPlan, platform: str, components: Collection[str] = (), 
         platform: the platform's name.
         components: that it has, where that is known.
         digest: of its file, where it tells that: no other file counts then, whatever its name.
+        terrain: heights of the ground; None without tiles.
 
     Raises:
         InputError: it may not fly there; with everything that is wrong.
@@ -103,9 +114,10 @@ def recheck(plan: CheckedPlan, platform: str, components: Collection[str] = (), 
         text = OTHER_FILE.format(platform, plan.platform_file or "the one installed here")
         return msgspec.structs.replace(plan, warnings=(text,) if is_other else ())
     if plan.converted_from:
-        made = _plan(check_plan(Path(plan.converted_from), Circumstances(platform=known, known=known_platform)).report)
+        circumstances = Circumstances(platform=known, known=known_platform, terrain=terrain)
+        made = _plan(check_plan(Path(plan.converted_from), circumstances).report)
     else:
-        made = _plan(check_text(plan.text, plan.name, Circumstances(platform=known)))
+        made = _plan(check_text(plan.text, plan.name, Circumstances(platform=known, terrain=terrain)))
     return msgspec.structs.replace(made, converted_from=plan.converted_from, platform_file=plan.platform_file)
 
 

@@ -12,6 +12,7 @@ from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import CiEvent, ContactSummary, MissionSummary
 from gloc3.messages.vehicle import ObstacleScan
+from gloc3.terrain import Terrain
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.command_client import CommandClient
@@ -87,6 +88,8 @@ class Station:
         self.started_s: Final = loop.time()
         self.round_trip_s: Callable[[str], float | None] = lambda _: None
         """Round-trip time to a platform, s; set by the owner of the links."""
+        self.terrain: Terrain | None = None
+        """Heights of the ground, for missions and their profiles; set by the assembly, None without tiles."""
         self._loop = loop
         self._listeners: list[Listener] = []
         self._tasks: set[asyncio.Task[Any]] = set()

@@ -52,6 +52,8 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """Source of RTK corrections, such as `ntrip://USER:PASSWORD@HOST:2101/MOUNTPOINT`; empty for none."""
     downloads: str = ""
     """Folder for downloads from vehicles; empty for the one in which the station was started."""
+    terrain: str = ""
+    """Folder of terrain tiles (SRTM .hgt or .hgt.zip); empty for none."""
     gamepad: str = ""
     """The device of a joystick for steering by hand, such as `/dev/input/js0`; empty for every joystick."""
     joysticks: Mapping[str, JoystickMapping] = {}

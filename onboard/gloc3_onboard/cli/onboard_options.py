@@ -53,6 +53,9 @@ class OnboardOptions:
     take_plans: Flag = False
     """Plans that other ground stations (QGroundControl, say) send to the autopilot become missions of this process,
     and do not reach the autopilot. Without it they become missions only when sent to component 191."""
+    terrain: Path | None = None
+    """Folder with terrain tiles (SRTM .hgt or .hgt.zip), for missions with heights above the ground, and to check
+    others against the ground; none is downloaded."""
     log_size: float = 500.0
     """Size of a log in megabytes at which the run continues in the next file; 0 for no limit."""
     log_total: float = 10_000.0

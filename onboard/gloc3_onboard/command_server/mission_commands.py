@@ -86,6 +86,7 @@ class MissionCommands:
         self.disarms: Final[list[EmergencyDisarm]] = []
         """Pending disarm commands for the driver."""
         self._platform, self._snapshot = site.platform, observing.snapshot
+        self._terrain = site.terrain
         self._authority, self._host, self._report_text = authority, host, report
         self._checks = MissionChecks(site.worker)
         self._fence_wait: _FenceWait | None = None
@@ -227,6 +228,7 @@ class MissionCommands:
             home_altitude_m=snapshot.home_altitude_m,
             home_ned_m=snapshot.home_ned_m,
             start_ned_m=snapshot.pose.position_ned_m if snapshot.is_airborne else None,
+            terrain=self._terrain,
         )
 
     # --- emergencies ---

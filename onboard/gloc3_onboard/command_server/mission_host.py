@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
 from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
-from gloc3.messages.frames import GeoPoint
+from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.summaries import Cause
 from gloc3.messages.vehicle import (
     AutopilotState,
@@ -161,8 +161,11 @@ class MissionHost:
         snapshot = self._observing.snapshot
         home = snapshot.home
         origin = GeoPoint(*home.origin_geo) if home is not None and home.origin_geo is not None else snapshot.origin
+        home_geo = None if home is None or origin is None else TangentPlane(origin).geo_from_ned(home.position_ned_m)
         altitude_m = None if home is None or origin is None else origin.altitude_m - home.position_ned_m[2]
-        surroundings = MissionReferences.of(self._site.platform, origin=origin, home_altitude_m=altitude_m)
+        surroundings = MissionReferences.of(
+            self._site.platform, origin=origin, home_altitude_m=altitude_m, home=home_geo, terrain=self._site.terrain
+        )
         return read_mission(text, "kept mission", surroundings)
 
     def _land_directly(self, executor: MissionExecutor, now_s: float) -> list[Result]:

@@ -12,6 +12,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
 from gloc3.store import Records, RecordStore
+from gloc3.terrain import Terrain
 from gloc3_onboard.command_server.log_shelf import LogStoreBase, NoLogStore
 from gloc3_onboard.command_server.report_store import ReportStore
 from gloc3_onboard.command_server.vehicle_state import KeptHome
@@ -61,6 +62,8 @@ class Background(NamedTuple):
     """The logs that stations may fetch."""
     worker: Executor = ImmediateExecutor()
     """Checks missions."""
+    terrain: Terrain | None = None
+    """Heights of the ground that they are checked against; None without tiles."""
 
 
 class Site:
@@ -90,7 +93,7 @@ class Site:
         self.journal: Final = RecordStore(journal, "journal of requests")
         self.reports: Final = ReportStore(reports, process, computer)
         self.process: Final = process
-        self.log_store, self.worker = background or Background()
+        self.log_store, self.worker, self.terrain = background or Background()
         self.problem = ""
         """Reason why the stored state cannot be used; empty if it can, or there is none."""
         self._progress: Final = RecordStore(progress, "progress")

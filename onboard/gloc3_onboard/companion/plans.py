@@ -255,7 +255,9 @@ class PlanServer:
         fence: Items = ()
         self._fence = ()
         try:
-            mission = read_mission(reply.text, "loaded mission", MissionReferences.of(self._platform))
+            mission = read_mission(
+                reply.text, "loaded mission", MissionReferences.of(self._platform, is_ground_level=True)
+            )
             plan, _ = from_mission(mission, "loaded mission")
             items, fence = items_of(plan.items), items_of(plan.fence_items())
         except Gloc3Error:

@@ -27,6 +27,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Of the links to ground stations; None for links that are not signed."""
     accepts_plans: bool = False
     """Plans that stations of others send to the autopilot become missions, and do not reach it."""
+    terrain: Path | None = None
+    """Folder of terrain tiles; None without."""
     log_limits: LogLimits = LogLimits()
     host: str | None = None
     """Which of the platform's hosts this is; None for the only one."""

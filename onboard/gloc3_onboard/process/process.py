@@ -21,6 +21,7 @@ from gloc3.network.file import Membership, read_network
 from gloc3.platform.places import ProcessPlace, choose_host, clock_host, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
+from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.hosts.host_process import HostOptions, run_host
 from gloc3_onboard.hosts.other_processes import OtherProcesses
@@ -144,6 +145,7 @@ class OnboardProcess:
             sign=storage.sign,
             system_id=options.system_id,
             accepts_plans=options.accepts_plans,
+            terrain=open_terrain(options.terrain),
         )
 
     async def open(self) -> None:

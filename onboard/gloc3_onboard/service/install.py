@@ -188,7 +188,8 @@ def make_plan(
     named = [(node, device) for node, device in behind.items() if device is not None] if with_udev else []
     if with_udev:
         options = _renamed(options, platform, [node for node, _ in named])
-    secrets, files = [*keys(options), *network], [path.absolute() for path in files_of(file)]
+    tiles = [] if options.terrain is None else [options.terrain.expanduser().absolute()]
+    secrets, files = [*keys(options), *network, *tiles], [path.absolute() for path in files_of(file)]
     word = str(file) if file.suffix in (".yaml", ".yml") and Path(name).suffix else name
     unit = SystemdUnit(
         name=platform.platform if options.host is None else f"{platform.platform}-{host}",

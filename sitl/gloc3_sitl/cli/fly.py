@@ -76,6 +76,9 @@ class FlyCommandOptions:
     world: str = ""
     """World: the name of a built-in one, such as hold_hard or hold_busy, or a world file; by default the one
     that the mission's frame belongs to."""
+    terrain: Path | None = None
+    """Folder with terrain tiles (.hgt, .hgt.zip) for the onboard process, for missions with heights above the ground; the
+    simulated ground stays level."""
     out: Path | None = None
     """Folder for log.mcap, report.json, path.svg and images; those of an earlier flight are replaced. Without it
     nothing is kept."""
@@ -130,6 +133,7 @@ def fly(mission: str, /, options: FlyCommandOptions = FlyCommandOptions()) -> in
         current_m_s=options.current,
         faults=tuple(options.fault or ()),
         world=options.world,
+        terrain=options.terrain,
         out=options.out,
     )
     try:

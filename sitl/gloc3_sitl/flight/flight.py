@@ -26,6 +26,7 @@ from gloc3.mission.model.model import Mission
 from gloc3.mission.reading.reader import MissionReferences, load_mission
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform, whole_text
+from gloc3.terrain import open_terrain
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End
@@ -70,7 +71,9 @@ class Flight:
         self.plan: Final = plan
         self.platform: Final[Platform] = _called(load_platform(plan.platform), plan.name)
         self.mission_file: Final = find_mission(plan.mission)
-        self.mission: Final[Mission] = load_mission(plan.mission, MissionReferences.of(self.platform, origin=plan.home))
+        self._terrain = open_terrain(plan.terrain)
+        references = MissionReferences.of(self.platform, origin=plan.home, terrain=self._terrain)
+        self.mission: Final[Mission] = load_mission(plan.mission, references)
         self.loop: Final = asyncio.get_running_loop()
         self.exchange: Final = TappedExchange()
         self.clock: Final = SettableClock(self.loop)
@@ -184,7 +187,7 @@ class Flight:
 
     def start_station(self, boot: int) -> None:
         """Starts the ground station, also after it was closed."""
-        self.ground = GroundStation(StationSetup(boot=boot))
+        self.ground = GroundStation(StationSetup(boot=boot, terrain=self._terrain))
         self.ground.attach(self.links.radio.a)
         if self.plan.modem_period_s:
             self.ground.attach_modem(self.name, self.links.modem.a)

@@ -11,6 +11,7 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.mission.checking.estimate import MissionFigures
 from gloc3.platform.platform import Platform
+from gloc3.terrain import open_terrain
 from gloc3_sitl.faults.faults import schedule_faults
 from gloc3_sitl.firmware.in_step import FirmwareInStep
 from gloc3_sitl.flight.flight import Flight
@@ -43,6 +44,8 @@ class FlyOptions(msgspec.Struct, frozen=True, kw_only=True):
     faults: tuple[str, ...] = ()
     world: str = ""
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
+    terrain: Path | None = None
+    """Folder of terrain tiles that the onboard process has; None for none."""
     out: Path | None = None
     """A folder that is there; None keeps nothing."""
 
@@ -61,7 +64,9 @@ async def fly_mission(options: FlyOptions, platform: Platform, narrate: Narrate 
         Refused: a fault does not fit the flight, or the results cannot be written.
     """
     with TemporaryDirectory() as scratch:
-        mission = read_mission_file(options.mission, platform, options.out or Path(scratch))
+        mission = read_mission_file(
+            options.mission, platform, options.out or Path(scratch), open_terrain(options.terrain)
+        )
         if narrate is not None:
             for warning in mission.warnings:
                 narrate(str(warning))
@@ -80,6 +85,7 @@ async def _fly(options: FlyOptions, mission: FlyableMission, narrate: Narrate | 
         current_m_s=options.current_m_s,
         world=options.world,
         home=mission.home,
+        terrain=options.terrain,
         out=options.out,
     )
     async with Flight(plan) as flight:

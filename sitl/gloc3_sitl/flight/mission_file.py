@@ -14,6 +14,7 @@ from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, missio
 from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.model import GEO, Mission
 from gloc3.platform.platform import Platform
+from gloc3.terrain import Terrain
 from gloc3_sitl.vehicles.table import vehicle_named
 
 HOLD: Final = "hold"
@@ -99,7 +100,7 @@ def is_without_satellites(platform: Platform) -> bool:
     return "VisionPoseDriver" in kinds and "SatellitesSampler" not in kinds
 
 
-def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMission:
+def read_mission_file(path: Path, platform: Platform, folder: Path, terrain: Terrain | None = None) -> FlyableMission:
     """Reads and checks a mission; a plan of another format is converted into a folder first.
 
     Raises:
@@ -107,12 +108,16 @@ def read_mission_file(path: Path, platform: Platform, folder: Path) -> FlyableMi
     """
     if path.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
         file, text, _ = mission_text(str(path), platform)
-        return _flyable(file, check_text(text, file, Circumstances(platform=platform)), None)
+        return _flyable(file, check_text(text, file, Circumstances(platform=platform, terrain=terrain)), None)
     home = planned_home(load_plan(path))
-    circumstances = Circumstances(platform=platform)
+    circumstances = Circumstances(platform=platform, terrain=terrain)
     if home is not None:
         circumstances = Circumstances(
-            platform=platform, origin=home, home_altitude_m=home.altitude_m, home_ned_m=(0.0, 0.0, 0.0)
+            platform=platform,
+            origin=home,
+            home_altitude_m=home.altitude_m,
+            home_ned_m=(0.0, 0.0, 0.0),
+            terrain=terrain,
         )
     _, report, text = check_plan(path, circumstances)
     report.flyable()

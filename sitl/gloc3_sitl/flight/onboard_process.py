@@ -13,6 +13,7 @@ from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, Memo
 from gloc3.mission.model.model import Mission
 from gloc3.platform.platform import Platform
 from gloc3.store import MemoryRecords
+from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.companion.files import LOGS, Folders, LogFolder
 from gloc3_onboard.inputs import Attachment, Hosting, Sensors, Storage, VehicleInputs
@@ -167,7 +168,7 @@ class FlightProcess:
             pictures=NoPictures() if plan.out is None else PictureFolder(plan.out / "images", rig),
         )
         """What outlives the process."""
-        self._inputs = VehicleInputs(platform=platform, context=context)
+        self._inputs = VehicleInputs(platform=platform, context=context, terrain=open_terrain(plan.terrain))
         self.vehicle: VehicleSide
         """Its parts, in the life that is or was the last."""
         self.onboard: Onboard | None = None

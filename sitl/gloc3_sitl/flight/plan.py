@@ -41,6 +41,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     """A world's name or file; where it is empty, the one that the mission's frame belongs to."""
     home: GeoPoint | None = None
     """Start position of a mission on Earth; None for the mission's first position."""
+    terrain: Path | None = None
+    """Folder of terrain tiles that the onboard process has; None for none."""
     is_plain_gps: bool = False
     has_station: bool = True
     """Whether it has its own station; a fleet shares one."""

@@ -28,6 +28,7 @@ from gloc3.mission.checking.space_check import (
     placed_legs,
     space_findings,
 )
+from gloc3.mission.checking.terrain_check import GroundProfile, ground_profile, terrain_findings
 from gloc3.mission.checking.turn_check import turn_findings
 from gloc3.mission.model.abilities import WAIT, abilities
 from gloc3.mission.model.arguments import FollowWaypointsOrder, argument_kinds
@@ -35,11 +36,13 @@ from gloc3.mission.model.fence import Fence
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import FLY_FILE, Mission, Task, answer, part_of, where_of
 from gloc3.mission.model.structure import PartialOrder, structure_findings
+from gloc3.mission.reading.mission_site import MissionSite
 from gloc3.mission.reading.reader import MissionReferences, Reading, inspect_mission
 from gloc3.platform.bases import platform_files
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Capability, Platform
 from gloc3.platform.reader import named_platform
+from gloc3.terrain import Terrain
 
 HOME_CLEARANCE_M: Final = 0.5
 """A home outside the fence, or nearer to it than this, is refused."""
@@ -69,12 +72,29 @@ class Circumstances:
     fence: Fence | None = None
     """That of the loaded mission, where a single action beside it is checked: the places that it names are inside."""
 
+    terrain: Terrain | None = None
+    """Heights of the ground; None: paths are not checked against them."""
+    clearance_m: float | None = None
+    """Least height above that ground; None for the platform's."""
+
     def surroundings(self) -> MissionReferences:
         """What the reader needs of the circumstances."""
         found = MissionReferences.of(
-            self.platform, frames=self.frames, origin=self.origin, home_altitude_m=self.home_altitude_m
+            self.platform,
+            frames=self.frames,
+            origin=self.origin,
+            home_altitude_m=self.home_altitude_m,
+            home=self.home_geo(),
+            terrain=self.terrain,
         )
         return replace(found, platform=found.platform or self.part)
+
+    @property
+    def least_clearance_m(self) -> float | None:
+        """Least height above the ground that is stated; None without."""
+        if self.clearance_m is not None or self.platform is None:
+            return self.clearance_m
+        return self.platform.limits.ground_clearance_m
 
     def home_geo(self) -> GeoPoint | None:
         """Home on Earth; None where it is not known."""
@@ -106,6 +126,8 @@ class CheckReport:
     mission: Mission | None = None
     estimate: MissionEstimate | None = None
     order: PartialOrder | None = field(default=None, repr=False)
+    profile: GroundProfile | None = field(default=None, repr=False)
+    """Heights of the path and of the ground; None without terrain tiles."""
 
     @property
     def is_ok(self) -> bool:
@@ -174,6 +196,8 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     path = _path(mission, figures, circumstances)
     findings += _space(mission, figures, path, circumstances)
     findings += _outside(mission, path, circumstances)
+    profile = None if platform is not None and platform.limits.stays_down else ground_profile(path, reading.site)
+    findings += terrain_findings(mission, profile, reading.site, circumstances.least_clearance_m)
     findings += turn_findings(mission, figures, path, platform)
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
@@ -184,7 +208,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     findings += contingency_findings(mission)
     for name, ready in mission.contingencies.items():
         if ready.actions:
-            findings += _check_contingency(part_of(mission, name), circumstances, budget)
+            findings += _check_contingency(part_of(mission, name), circumstances, budget, reading.site)
             findings += path_findings(mission, name, path, budget, platform)
     findings += silence_findings(mission, figures, platform)
     if platform is not None:
@@ -196,7 +220,14 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
             findings.append(
                 reading.document.finding(("geofence",), problem, "move the vehicle or the fence", at_key=True)
             )
-    return CheckReport(file=file, findings=tuple(sorted(set(findings))), mission=mission, estimate=figures, order=order)
+    return CheckReport(
+        file=file,
+        findings=tuple(sorted(set(findings))),
+        mission=mission,
+        estimate=figures,
+        order=order,
+        profile=profile,
+    )
 
 
 def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:
@@ -261,7 +292,9 @@ def _outside(mission: Mission, path: list[PlacedLeg], circumstances: Circumstanc
         yield from space_findings(replace(mission, fence=circumstances.fence), named, limits, circumstances.home_ned_m)
 
 
-def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budget) -> Iterator[Finding]:
+def _check_contingency(
+    part: Mission, circumstances: Circumstances, budget: Budget, site: MissionSite | None
+) -> Iterator[Finding]:
     """Checks a contingency separately: it may begin at any position, in the air."""
     platform, order = circumstances.platform, PartialOrder.of(part)
     figures = estimate(part, order, budget.home_ned_m, budget, platform.power if platform else None)
@@ -271,6 +304,7 @@ def _check_contingency(part: Mission, circumstances: Circumstances, budget: Budg
     yield from (one for one in flight_findings(part, order, is_airborne=True) if not one.is_warning)
     path = list(placed_legs(part, figures))
     yield from space_findings(part, path, limits, None)
+    yield from terrain_findings(part, ground_profile(path, site), site, circumstances.least_clearance_m)
     yield from turn_findings(part, figures, path, platform)
     yield from time_findings(part, figures)
     yield from guard_findings(part, platform)

@@ -178,7 +178,8 @@ def place_of(where: Where, action: Action, leg: FlightLeg, document: Document) -
         return (*where[:2], "plan", action.order.path[number].name if action.order.path else "the plan")
     for key in ("waypoints_m", "waypoints"):
         if getattr(action.arguments, key, None) is not None and leg.waypoint is not None:
-            return (*where, key, leg.waypoint)
+            order, index = action.order, leg.waypoint
+            return (*where, key, order.number_of(index) if isinstance(order, FollowWaypointsOrder) else index)
     for key in ("position_m", "position", "at_m", "at", "height_m"):
         if key in document.node(where).children:
             return (*where, key)

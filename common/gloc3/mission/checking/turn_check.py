@@ -141,8 +141,9 @@ def _legs(
     """The first leg that is too short for its turns, and the first that is too steep."""
     order, radius_m = action.order, limits.turn_radius_m
     assert isinstance(order, FollowWaypointsOrder)
-    turns = [_turn_rad(one, other) for one, other in pairwise(legs)]
-    for number, (leg, before, after) in enumerate(zip(legs[1:], turns, [*turns, 0.0][1:], strict=True), 2):
+    sides = _joined(legs, order)
+    turns = [_turn_rad(one, other) for one, other in pairwise(sides)]
+    for number, (leg, before, after) in enumerate(zip(sides[1:], turns, [*turns, 0.0][1:], strict=True), 2):
         needed_m = radius_m * (_share(before) + _share(after))
         flat_m = dist(leg.start[:2], leg.end[:2])
         if flat_m < needed_m - _SHORT_M:
@@ -161,6 +162,19 @@ def _legs(
             message = f"{abs(rise_m):.0f} m up or down on {flat_m:.0f} m to {name_of(place)}: limit {possible_m:.0f} m"
             yield document.finding(place, message, "fly slower, or lengthen the leg")
             break
+
+
+def _joined(legs: Sequence[FlightLeg], order: FollowWaypointsOrder) -> Sequence[FlightLeg]:
+    """Legs from waypoint to waypoint of the mission, without the places between that follow the ground."""
+    if not order.between:
+        return legs
+    found: list[FlightLeg] = []
+    between = set(order.between)
+    for leg in legs:
+        if found and found[-1].waypoint in between:
+            leg = replace(leg, start=found.pop().start)
+        found.append(leg)
+    return found
 
 
 def _circles(

@@ -35,6 +35,8 @@ from gloc3.mission.model.placement import GeoPlacement, HeightAbove
 
 MOST_STEPS: Final = 10_000
 """Items that are followed, jumps included."""
+GROUND_FRAMES: Final = (10, 11)
+"""MAV_FRAMEs whose heights are above the ground."""
 _ABOVE: Final = {0: HeightAbove.SEA, 5: HeightAbove.SEA}
 _TAKE_OFFS: Final = (TAKE_OFF, VTOL_TAKE_OFF)
 _LANDINGS: Final = (LAND, VTOL_LAND, RETURN)
@@ -93,6 +95,11 @@ class FlyFileOrder(Arguments, frozen=True, kw_only=True):
                 yield item.x or 0.0, item.y or 0.0
 
     @property
+    def follows_ground(self) -> bool:
+        """Whether it has heights above the ground, which the autopilot keeps by its own terrain data."""
+        return any(_moves(item) and item.frame in GROUND_FRAMES for item in self.items)
+
+    @property
     def begins_flight(self) -> bool:
         """Whether it takes off, or drives off."""
         return self.sets_off
@@ -148,7 +155,7 @@ def file_order(
         vehicle: that flies it.
     """
     steps = _Steps(plan, file, vehicle)
-    placements = {above: GeoPlacement(origin, above, home_altitude_m) for above in HeightAbove}
+    placements = {above: GeoPlacement(origin, above, home_altitude_m) for above in (HeightAbove.HOME, HeightAbove.SEA)}
     path = tuple(steps.places(placements))
     first = next((item for item in plan.items if _moves(item)), None)
     takes_off = first is not None and first.command in _TAKE_OFFS

@@ -5,6 +5,7 @@ An action's arguments are written in the mission's frame (`FollowWaypoints`) and
 kinds through the entry points `gloc3.capabilities`, which are subclasses of `Arguments`; see docs/add-a-capability.md.
 """
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import EntryPoint
@@ -331,6 +332,12 @@ class FollowWaypointsOrder(WaypointOptions, Arguments, frozen=True, kw_only=True
     heading: HeadingOrder = HeadingOrder()
     wall_distance_m: KeptWallDistance = None
     """Keep so far from the wall ahead."""
+    between: tuple[int, ...] = ()
+    """Indices of waypoints that are none of the mission, and follow the ground between two of them."""
+
+    def number_of(self, index: int) -> int:
+        """Index, in the mission, of a waypoint of the path; of one between two, that of the second."""
+        return index - bisect_left(self.between, index)
 
     @property
     def rest_s(self) -> float:
@@ -359,10 +366,16 @@ class _Flight(WaypointOptions, Arguments, frozen=True, kw_only=True):
     def _order(self, waypoints: tuple[Vector3, ...] | None, placement: Placement, name: str) -> FollowWaypointsOrder:
         if waypoints is None:
             raise Refused(f"{name if placement.is_geo else name + '_m'} is missing")
+        points_ned_m, between = placement.path_from(waypoints)
+        if between and rest_s(self):
+            raise Refused(
+                "hold_s would stop at the places that follow the ground, too; use go_to and hold for each stop"
+            )
         order = FollowWaypointsOrder(
-            waypoints_ned_m=tuple(placement.ned_from(waypoint) for waypoint in waypoints),
+            waypoints_ned_m=points_ned_m,
             speed_m_s=self.speed_m_s or DEFAULT_SPEED_M_S,
             heading=heading_order(self.heading, placement),
+            between=between,
         )
         return with_options(order, self)
 

@@ -1,7 +1,8 @@
 """Placement of a mission on Earth: the only place that turns its positions into NED."""
 
+from collections.abc import Sequence
 from enum import StrEnum
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 from gloc3.errors import Refused
 from gloc3.messages.frames import GeoPoint, LocalFrame, TangentPlane, Vector3
@@ -20,7 +21,15 @@ class HeightAbove(StrEnum):
     SEA = "sea"
     """Mean sea level."""
     GROUND = "ground"
-    """The ground below; without a terrain model it is taken to be as high as home."""
+    """The ground below, by terrain tiles; without them such a mission is refused."""
+
+
+class PlacedPath(NamedTuple):
+    """A path in NED."""
+
+    points_ned_m: tuple[Vector3, ...]
+    between: tuple[int, ...] = ()
+    """Indices of the places that only follow the ground between two waypoints of the mission."""
 
 
 class Placement(Protocol):
@@ -36,6 +45,9 @@ class Placement(Protocol):
 
     def ned_from(self, position: Vector3) -> Vector3:
         """The NED position of a position of the mission."""
+
+    def path_from(self, positions: Sequence[Vector3]) -> PlacedPath:
+        """The path through positions of the mission."""
 
     def height_from(self, height_m: float) -> float:
         """The height above the origin of NED of a height of the mission."""
@@ -62,6 +74,10 @@ class LocalPlacement:
         if self._plane is None:
             return self._frame.to_ned(position)
         return self._plane.ned_from_geo(*self._frame.to_geo(position))
+
+    def path_from(self, positions: Sequence[Vector3]) -> PlacedPath:
+        """Straight from position to position."""
+        return PlacedPath(tuple(map(self.ned_from, positions)))
 
     def height_from(self, height_m: float) -> float:
         """The height above the origin of NED, at the origin of the frame."""
@@ -90,6 +106,10 @@ class GeoPlacement:
         """The NED position of `[latitude, longitude, height]`."""
         latitude, longitude, height = position
         return self._plane.ned_from_geo(latitude, longitude, height + self._zero_altitude_m)
+
+    def path_from(self, positions: Sequence[Vector3]) -> PlacedPath:
+        """Straight from position to position."""
+        return PlacedPath(tuple(map(self.ned_from, positions)))
 
     def height_from(self, height_m: float) -> float:
         """The height above the origin of NED, at that origin."""

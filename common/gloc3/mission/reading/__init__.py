@@ -3,4 +3,4 @@
 Definitions and libraries are expanded here; the JSON Schema is derived from the same types.
 """
 
-__all__ = ["library", "mission_schema", "reader", "writer"]
+__all__ = ["library", "mission_schema", "mission_site", "reader", "writer"]

@@ -86,8 +86,11 @@ def plan_action(
     files = document.node(where).value
     file = next(iter(files)) if isinstance(files, dict) else ""
     order = file_order(plan, str(file), origin, home_altitude_m, vehicle)
+    if order.follows_ground:
+        message = f"{file} has heights above the ground, which only the autopilot's own terrain data can keep"
+        wrong.append(document.finding(where, message, "here they are checked as above home", is_warning=True))
     action = Action(name=ACTION, capability=FLY_FILE, arguments=order, filled=order, order=order, is_planned=True)
-    return action, []
+    return action, wrong
 
 
 def fence_of(plans: Plans, document: Document, findings: list[Finding]) -> GeofenceFile | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 from msgspec import structs
 
@@ -18,7 +18,6 @@ from gloc3.mission.model.arguments import Arguments, FollowWaypointsOrder, argum
 from gloc3.mission.model.fence import Area, Fence, polygon_problem
 from gloc3.mission.model.model import (
     FLY_PLAN,
-    GEO,
     Action,
     ActionFile,
     AreaFile,
@@ -32,20 +31,20 @@ from gloc3.mission.model.model import (
     where_of,
 )
 from gloc3.mission.model.patterns import MAX_WAYPOINTS, height_is_known
-from gloc3.mission.model.placement import GeoPlacement, HeightAbove, LocalPlacement, Placement, Point
+from gloc3.mission.model.placement import Placement, Point
 from gloc3.mission.model.structure import Tasks, structure_findings
 from gloc3.mission.model.waypoint_options import WaypointOptions
 from gloc3.mission.reading.definitions import expanded
 from gloc3.mission.reading.library import bundled
+from gloc3.mission.reading.mission_site import MissionSite, site_of
 from gloc3.mission.reading.plan_tasks import Plans, fence_of, first_place, plan_action, plans_in
 from gloc3.platform.limits import Limits
 from gloc3.platform.platform import Platform
+from gloc3.terrain import Terrain
 
 Item = TypeVar("Item", bound=ItemFile)
 
 _ACTION_KEYS: Final = ActionFile.__struct_fields__
-_POSITION_KEYS: Final = ("polygon", "waypoints", "position", "at", "center", "area", "wall", "to")
-_EARTH: Final = GeoPoint(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,6 +59,12 @@ class MissionReferences:
     """Origin of NED; None for that of the mission's frame, or (frame geo) the first position of its tasks."""
     home_altitude_m: float | None = None
     """Altitude above the sea of the vehicle on the ground; None for that of the origin."""
+    home: GeoPoint | None = None
+    """Where the vehicle was armed; None for at the origin, where heights above the ground are placed."""
+    terrain: Terrain | None = None
+    """Heights of the ground; None without tiles, and missions with heights above the ground are refused."""
+    is_ground_level: bool = False
+    """Heights above the ground are taken as above home where there are no tiles: to convert a mission, or to draw it from above."""
     capabilities: Mapping[str, str] | None = None
     """Capability to kind of arguments; None where they are not known, and each kind is a capability."""
     limits: Limits | None = None
@@ -87,6 +92,9 @@ class MissionReferences:
         frames: Mapping[str, LocalFrame] | None = None,
         origin: GeoPoint | None = None,
         home_altitude_m: float | None = None,
+        home: GeoPoint | None = None,
+        terrain: Terrain | None = None,
+        is_ground_level: bool = False,
     ) -> "MissionReferences":
         """References of a platform (if known), with the frames of a world in addition to its own."""
         capabilities = None
@@ -98,6 +106,9 @@ class MissionReferences:
             frames=frames,
             origin=origin,
             home_altitude_m=home_altitude_m,
+            home=home,
+            terrain=terrain,
+            is_ground_level=is_ground_level,
             capabilities=capabilities,
             limits=platform.limits if platform is not None else None,
             arm=platform is not None and platform.arm,
@@ -114,6 +125,8 @@ class Reading:
     """None where the frame of the file is not usable at all; lacks the actions that are not."""
     tasks: Tasks
     contingencies: Tasks
+    site: MissionSite | None = None
+    """Where its positions are; None where it has no usable frame."""
 
 
 def read_mission(data: bytes | str, file: str, surroundings: MissionReferences | None = None) -> Mission:
@@ -156,7 +169,8 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
     written = schema.check(document.root, MissionFile, file, findings)
     findings += _name_findings(document)
     plans = plans_in(document, findings)
-    placement = _placement(document, surroundings, first_place(plans), findings)
+    site = site_of(document, surroundings, first_place(plans), findings)
+    placement = site.placement if site is not None else None
     tasks = _tasks(document, surroundings, placement, plans, findings)
     ready = _tasks(document.seen_as("tasks", "contingencies"), surroundings, placement, {}, findings)
     geofence = fence = None
@@ -165,8 +179,8 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
         geofence = schema.check(fence_node, GeofenceFile, file, [])
     elif plans:
         geofence = fence_of(plans, document, findings)
-    if geofence is not None and placement is not None:
-        fence = read_fence(geofence, placement, document, findings)
+    if geofence is not None and site is not None:
+        fence = read_fence(geofence, site.level, document, findings)
     mission = None
     if written is not None:
         mission = Mission(
@@ -183,7 +197,7 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
             text=data if isinstance(data, str) else data.decode("utf-8-sig"),
             document=document,
         )
-    return Reading(document=document, findings=findings, mission=mission, tasks=tasks, contingencies=ready)
+    return Reading(document=document, findings=findings, mission=mission, tasks=tasks, contingencies=ready, site=site)
 
 
 def _name_findings(document: Document) -> Iterator[Finding]:
@@ -264,56 +278,6 @@ def _entries(node: YamlNode, key: str) -> Iterator[tuple[str, YamlNode]]:
     inner = node.children.get(key)
     if inner is not None and isinstance(inner.value, dict):
         yield from ((str(name), child) for name, child in inner.children.items() if "." not in str(name))
-
-
-def _placement(
-    document: Document, surroundings: MissionReferences, planned: GeoPoint | None, findings: list[Finding]
-) -> Placement | None:
-    frame = document.value.get("frame")
-    if not isinstance(frame, str):
-        return None
-    if frame != GEO:
-        if surroundings.frames is None:
-            hint = "name a platform or world that declares it"
-            findings.append(
-                document.finding(
-                    ("frame",), f"frame {frame!r} is not known here; x is assumed to be north", hint, is_warning=True
-                )
-            )
-            return LocalPlacement(LocalFrame(_EARTH))
-        if frame not in surroundings.frames:
-            hint = nearest(frame, [*surroundings.frames, GEO])
-            findings.append(document.finding(("frame",), f"unknown frame {frame!r}", hint))
-            return None
-        return LocalPlacement(surroundings.frames[frame], surroundings.origin)
-    above = document.value.get("height_above", "home")
-    if above not in list(HeightAbove):
-        return None
-    if above == HeightAbove.GROUND:
-        message = "height above ground is treated as height above home: there is no terrain model"
-        findings.append(document.finding(("height_above",), message, is_warning=True))
-    if surroundings.origin is None and above == HeightAbove.SEA:
-        message = "the altitude of home is not known here; 0 m is assumed"
-        findings.append(document.finding(("height_above",), message, is_warning=True))
-    written = document.value
-    origin = surroundings.origin or planned or _first_position(written.get("tasks"))
-    origin = origin or _first_position(written) or _EARTH
-    return GeoPlacement(origin, HeightAbove(above), surroundings.home_altitude_m)
-
-
-def _first_position(value: Any) -> GeoPoint | None:
-    """The first latitude and longitude in a part of a file, at sea level; None without any."""
-    waiting: list[tuple[str, Any]] = [("", value)]
-    while waiting:
-        key, found = waiting.pop()
-        if isinstance(found, dict):
-            waiting += reversed([(str(name), inner) for name, inner in found.items()])
-        elif isinstance(found, list) and found and key in _POSITION_KEYS:
-            if isinstance(found[0], list):
-                waiting.append((key, found[0]))
-            elif len(found) >= 2 and all(isinstance(part, int | float) for part in found[:2]):
-                return GeoPoint(max(-90.0, min(90.0, float(found[0]))), float(found[1]), 0.0)
-    return None
 
 
 def _action(

@@ -3,13 +3,14 @@
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
 from cyclopts import App, Parameter
 
 from gloc3.cli.counting import counted
-from gloc3.errors import Finding, InputError, NotFound
+from gloc3.errors import Finding, InputError, NotFound, Refused
 from gloc3.installed import installed_points
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.estimate import about
@@ -34,6 +35,7 @@ from gloc3.mission.showing.plan_listing import parts_summary, plan_listing
 from gloc3.mission.showing.show import drawing, mermaid
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
+from gloc3.terrain import open_terrain
 
 app = App(
     name="gloc3 mission",
@@ -61,6 +63,7 @@ for _point in installed_points("gloc3.mission_commands"):
 OK: Final = 0
 FAILED: Final = 1
 WRONG_USE: Final = 2
+CLEARANCE_MAX_M: Final = 10_000.0
 
 Mission = Annotated[str, Parameter(help="A mission file, a plan, or the name of an example.")]
 OnPlatform = Annotated[str | None, Parameter(help="A platform file, or the name of an installed platform.")]
@@ -73,6 +76,8 @@ def check(
     /,
     *,
     platforms: OnPlatforms = None,
+    terrain: Path | None = None,
+    clearance: float | None = None,
     json_output: Annotated[bool, Parameter(name="--json")] = False,
 ) -> int:
     """Check a mission: its order, arguments, claims, space, time, energy and policies.
@@ -82,16 +87,20 @@ def check(
         platforms: A platform file or the name of an installed platform to check against; without it only the file
             itself is checked. May be given again for a mission whose tasks are for several platforms; then the parts of
             platforms that are not given are checked separately.
+        terrain: A folder with terrain tiles (SRTM .hgt or .hgt.zip) to check heights above the ground against; needed
+            for height_above: ground. None is downloaded.
+        clearance: Least height above that ground in metres; default: the platform's limits.ground_clearance_m.
         json_output: Print the report as JSON.
     """
     try:
         path, on = find_mission(mission), [load_platform(name) for name in platforms or ()]
     except InputError as error:
         return _fail(error, WRONG_USE)
+    around = _above(terrain, clearance)
     try:
         if _is_plan(path):
-            return _check_plan(path, on[0] if on else None, json_output=json_output)
-        report = _report(path, on[0] if len(on) == 1 else None, on)
+            return _check_plan(path, replace(around, platform=on[0] if on else None), json_output=json_output)
+        report = _report(path, replace(around, platform=on[0] if len(on) == 1 else None), on)
     except NotFound as error:
         return _fail(error, WRONG_USE)
     except InputError as error:
@@ -99,9 +108,20 @@ def check(
     return _print_report(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
 
 
-def _check_plan(path: Path, platform: Platform | None, *, json_output: bool) -> int:
+def _above(terrain: Path | None, clearance_m: float | None) -> Circumstances:
+    """The ground to check against.
+
+    Raises:
+        Refused: the folder holds no tiles, or the clearance goes with none.
+    """
+    if clearance_m is not None and (terrain is None or not 0.0 <= clearance_m <= CLEARANCE_MAX_M):
+        raise Refused(f"--clearance goes with --terrain, and is from 0 to {CLEARANCE_MAX_M:g} m")
+    return Circumstances(terrain=open_terrain(terrain), clearance_m=clearance_m)
+
+
+def _check_plan(path: Path, circumstances: Circumstances, *, json_output: bool) -> int:
     """Checks a plan of another program, or its fence or rally points alone."""
-    _, report, _ = found = check_plan(path, Circumstances(platform=platform))
+    _, report, _ = found = check_plan(path, circumstances)
     if not found.is_parts_alone:
         return _print_report(report, _verdict(report), json_output=json_output, is_ok=report.is_ok)
     is_ok = all(finding.is_warning for finding in report.findings)
@@ -125,14 +145,16 @@ def show(
     /,
     *,
     platform: OnPlatform = None,
+    terrain: Path | None = None,
     mermaid_output: Annotated[bool, Parameter(name="--mermaid")] = False,
     svg: Path | None = None,
 ) -> int:
-    """Draw the partial order of a mission, with estimated times.
+    """Draw the partial order of a mission, with estimated times; with terrain tiles also its heights over the ground.
 
     Args:
         mission: The mission to draw.
         platform: The platform that flies it, for better estimates.
+        terrain: A folder with terrain tiles (SRTM .hgt or .hgt.zip): draws the heights over the ground, too.
         mermaid_output: Draw a Mermaid flowchart instead.
         svg: Draw its path in plan view and its order over time into this file instead.
     """
@@ -140,11 +162,12 @@ def show(
         path, on = find_mission(mission), _platform(platform)
     except InputError as error:
         return _fail(error, WRONG_USE)
+    around = _above(terrain, None)
     try:
         if _is_plan(path) and (listed := _listed(path, on)):
             _print(listed, end="")
             return OK
-        report = _report(path, on)
+        report = _report(path, replace(around, platform=on))
         found = report.flyable()
     except InputError as error:
         return _fail(error, WRONG_USE if isinstance(error, NotFound) else FAILED)
@@ -277,7 +300,9 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None, as
 def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
     if not _is_plan(source):
         frames = platform.local_frames() if platform is not None else None
-        return exported(load_mission(str(source), MissionReferences.of(platform)), suffix, str(source), frames)
+        return exported(
+            load_mission(str(source), MissionReferences.of(platform, is_ground_level=True)), suffix, str(source), frames
+        )
     plan = load_plan(source)
     if suffix in MISSION_SUFFIXES:
         return to_mission(plan, source.stem, str(source), platform)
@@ -313,12 +338,12 @@ def _listed(path: Path, platform: Platform | None) -> str:
     return ""
 
 
-def _report(path: Path, platform: Platform | None, known: Sequence[Platform] = ()) -> CheckReport:
+def _report(path: Path, circumstances: Circumstances, known: Sequence[Platform] = ()) -> CheckReport:
     if _is_plan(path):
-        return check_plan(path, Circumstances(platform=platform)).report
+        return check_plan(path, circumstances).report
     found = {one.platform: one for one in known}
     file, text, _ = mission_text(str(path))
-    return check_text(text, file, Circumstances(platform=platform, known=found.get if found else None))
+    return check_text(text, file, replace(circumstances, known=found.get if found else None))
 
 
 def _verdict(report: CheckReport) -> str:

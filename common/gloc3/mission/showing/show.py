@@ -13,6 +13,7 @@ from gloc3.mission.checking.estimate import about
 from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.arguments import Arguments
 from gloc3.mission.model.model import Action, ItemFile, Mission, Policies, Task, TaskOptions
+from gloc3.mission.showing.ground_lines import ground_lines
 from gloc3.platform.platform import Capability, Platform
 
 WIDTH: Final = 80
@@ -42,6 +43,8 @@ def drawing(report: CheckReport, capabilities: Mapping[str, Capability], platfor
     if mission.contingencies:
         lines += ["", "failsafe policies:"]
         lines += _tasks(mission.contingencies, report, capabilities, 0.0)
+    if report.profile is not None:
+        lines += ["", *ground_lines(mission, report.profile, WIDTH)]
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 

@@ -175,7 +175,7 @@ class MapScreen(StationScreen):
         text, is_loaded = self._texts.text_of(view.platform, view.plan)
         if view.platform is not None and self._texts.missing(view.platform, view.now_s):
             self.do(self._texts.fetch(view.platform))
-        request = requested(text, ground.site) if text else None
+        request = requested(text, ground.site, self.desk.station.terrain) if text else None
         projection = self._projection.sized(width * CELL[0], height * CELL[1])
         chart = Chart(view, ground, projection, request, is_loaded, not self._pointed)
         projection = self._framed(chart)

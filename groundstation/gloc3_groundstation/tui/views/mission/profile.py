@@ -26,7 +26,7 @@ LEAST_M = 1.0
 
 
 def along_lines(request: Requested, progress: PathProgress | None, tone: Tone, width: int, height: int) -> list[Line]:
-    """Heights along the requested path: dashed as requested, in the vehicle's colour as flown.
+    """Heights along the requested path: dashed as requested, in the vehicle's colour as flown, the ground hatched.
 
     Args:
         request: the mission.
@@ -39,7 +39,8 @@ def along_lines(request: Requested, progress: PathProgress | None, tone: Tone, w
     heights = -path[:, 2]
     flown = progress.flown if progress is not None else np.empty((0, 2))
     ceiling = request.fence.ceiling_m if request.fence is not None else None
-    known = [*heights, *flown[:, 1]]
+    ground = np.array(request.ground_m).reshape(-1, 2)
+    known = [*heights, *flown[:, 1], *ground[~np.isnan(ground[:, 1]), 1]]
     scale = round_scale(min(known), max(known), LEAST_M)
     canvas = CellCanvas(width - AXIS, height - 1)
     across, down = canvas.size
@@ -52,6 +53,10 @@ def along_lines(request: Requested, progress: PathProgress | None, tone: Tone, w
         y = (scale.high - np.asarray(values, np.float64)) / (scale.high - scale.low) * (down - 1)
         return np.column_stack((x, y))
 
+    if len(ground):
+        edge = placed(ground[:, 0], ground[:, 1])
+        canvas.area([(edge[0, 0], down), *edge[~np.isnan(edge[:, 1])].tolist(), (edge[-1, 0], down)], Tone.DIM, hatch=2)
+        canvas.line(edge, Tone.STALE)
     if ceiling is not None and scale.low <= ceiling <= scale.high:
         canvas.line(placed((0.0, length_m), (ceiling, ceiling)), Tone.WARN)
     canvas.line(placed(along_m, heights), Tone.TEXT, on=3, off=2)

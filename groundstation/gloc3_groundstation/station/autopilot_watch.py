@@ -16,6 +16,8 @@ from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
 from gloc3.messages.summaries import VehicleSummary
 from gloc3.messages.vehicle import VTOL_FORMS, VtolForm, mode_in_words
 from gloc3_groundstation.station.fleet import SMOOTHING
+from gloc3_groundstation.station.readings import MESSAGES as READINGS
+from gloc3_groundstation.station.readings import WANTED_HZ, FlightClock, ReadingsWatch
 from gloc3_groundstation.station.snapshots import LinkStatistics
 
 BEATS_WITHIN_S: Final = 4.5
@@ -38,10 +40,12 @@ WANTED: Final = frozenset(
     codec.shape(name).id for name in (*RECEIVED_MESSAGES, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME", "GPS_RAW_INT")
 )
 """Messages about the vehicle's state, besides its heartbeat."""
-_IDS: Final = WANTED | {codec.shape("HEARTBEAT").id}
+_IDS: Final = WANTED | {codec.shape(name).id for name in ("HEARTBEAT", *READINGS)}
 _VOLTAGE_UNKNOWN: Final = 65_535
 RTK_FIXES: Final = (5, 6)
 """GPS_FIX_TYPE of RTK: float and fixed."""
+STATE_HZ: Final = 1.0
+"""Rate at which messages about the state are requested, Hz."""
 
 
 class PlaceWatch:
@@ -119,6 +123,8 @@ class AutopilotWatch:
         self.link = LinkStatistics()
         self.place: Final = PlaceWatch()
         """Where it is, and how it moves."""
+        self.readings: Final = ReadingsWatch()
+        self.flight: Final = FlightClock()
         self._mode = 0
         self._battery_percent = -1
         self._landed = ""
@@ -145,11 +151,13 @@ class AutopilotWatch:
         if message is None:
             return
         self.place.receive(message, now_s)
+        self.readings.receive(message, self.autopilot, now_s)
         match message.name:
             case "HEARTBEAT":
                 self.beat_s = now_s
                 self.autopilot, self.vehicle_type = message.autopilot, message.type
                 self.is_armed, self._mode = bool(message.base_mode & ARMED), message.custom_mode
+                self.flight.update(is_flying=self.is_armed and self._landed != _LANDED[1], now_s=now_s)
             case "SYS_STATUS":
                 self._battery_percent = message.battery_remaining if 0 <= message.battery_remaining <= 100 else -1
             case "GPS_RAW_INT":
@@ -166,10 +174,15 @@ class AutopilotWatch:
             case "SYSTEM_TIME":
                 self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
 
-    @property
-    def missing(self) -> list[int]:
-        """Those of the wanted messages that have not come."""
-        return sorted(WANTED - self._received)
+    def missing(self, *, has_companion: bool) -> dict[int, float]:
+        """Those of the wanted messages that have not come, with the rates to request, Hz.
+
+        Args:
+            has_companion: a companion reports the vehicle's state: only readings are wanted.
+        """
+        state = {} if has_companion else dict.fromkeys(sorted(WANTED - self._received), STATE_HZ)
+        readings = {codec.shape(name).id: WANTED_HZ[name] for name in self.readings.missing(self.autopilot)}
+        return readings | state
 
     def is_doubled(self, now_s: float) -> bool:
         """Whether two vehicles use this address: its time since boot jumps back and forth."""

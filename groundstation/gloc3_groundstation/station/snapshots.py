@@ -25,6 +25,7 @@ from gloc3.messages.summaries import (
 )
 from gloc3.messages.teleoperation import TeleoperationState
 from gloc3.messages.vehicle import ObstacleScan
+from gloc3_groundstation.station.readings import Reading
 
 M = TypeVar("M", bound=Message)
 
@@ -122,6 +123,10 @@ class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """GPS_FIX_TYPE of its first receiver; 0 where it is not known."""
     has_used_rtk: bool = False
     """Whether that was RTK (5 or 6) at any time."""
+    readings: Mapping[str, Reading] = {}
+    """By name, such as `gps`; what was never received is missing."""
+    flight: str = ""
+    """Time in the air, in words; empty while it has not flown."""
 
 
 class CorrectionsSnapshot(msgspec.Struct, frozen=True, kw_only=True):

@@ -5,7 +5,7 @@ same one. An autopilot received on several links is still one vehicle.
 """
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final, NamedTuple, Protocol
 
@@ -22,7 +22,8 @@ from gloc3.messages.envelope import Severity
 from gloc3_groundstation.services.machines import Wire
 from gloc3_groundstation.services.snapshot import FIRMWARES
 from gloc3_groundstation.station import fleet as reducers
-from gloc3_groundstation.station.autopilot_watch import BEATS_WITHIN_S, AutopilotWatch
+from gloc3_groundstation.station.autopilot_watch import BEATS_WITHIN_S, STATE_HZ, AutopilotWatch
+from gloc3_groundstation.station.readings import RADIO_STATUS, Reading, radio
 from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet, PlatformSnapshot, Timed, VehicleProblem
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.wording import duration
@@ -36,7 +37,8 @@ REQUEST_COUNT: Final = 4
 REQUEST_PERIOD_S: Final = 5.0
 MISSED_S: Final = 2.5
 """Age of the last heartbeat from which another route is preferred, s: two have been missed."""
-REPORTED_HZ: Final = 1.0
+READINGS_AFTER_S: Final = 6.0
+"""Time for readings to come unrequested, s."""
 MOST_VEHICLES: Final = 64
 _COMPANION: Final = 191
 _HEARTBEAT, _SYSTEM_TIME = shape("HEARTBEAT").id, shape("SYSTEM_TIME").id
@@ -86,6 +88,8 @@ class Vehicles:
         """Links and systems to the platform whose companion is received there."""
         self._names: dict[SenderKey, str] = {}
         """Vehicle on each route."""
+        self._radios: dict[int, Reading] = {}
+        """What the radio of a link said last."""
         self._restarts: dict[SenderKey, float] = {}
         """Times of autopilot restarts that have been reported."""
         self._requested: dict[SenderKey, tuple[int, float]] = {}
@@ -126,6 +130,8 @@ class Vehicles:
     # --- what is heard ---
 
     def _receive_frame(self, number: int, frame: Frame) -> None:
+        if frame.message_id == RADIO_STATUS:
+            self._receive_radio(number, frame)
         key = (number, frame.system, frame.component)
         watch = self._watches.get(key)
         if watch is None:
@@ -140,6 +146,13 @@ class Vehicles:
                 return
             watch = self._watches[key] = AutopilotWatch(self._station.now_s())
         watch.receive(frame, self._station.now_s())
+
+    def _receive_radio(self, number: int, frame: Frame) -> None:
+        """Keeps what the radio of a link says of itself."""
+        message = frame.decode()
+        said = None if message is None else radio(message, frame.sender)
+        if said is not None:
+            self._radios[number] = Reading(said[0], self._station.now_s(), said[1])
 
     # --- what follows from it ---
 
@@ -159,21 +172,25 @@ class Vehicles:
         self._station.change(self._settled)
         for name in dict.fromkeys(self._names.values()):
             known, best = self._station.fleet.get(name), self._route(name)
-            if known is not None and not known.has_companion and best is not None:
-                self._request_streams(best, self._watches[best].missing)
+            if known is not None and best is not None:
+                watch, has_companion = self._watches[best], known.has_companion
+                if not has_companion or self._station.now_s() - watch.first_s >= READINGS_AFTER_S:
+                    self._request_streams(best, watch.missing(has_companion=has_companion))
         for key, watch in self._watches.items():
             if watch.boot_at_s is None and any(one[0] != key[0] and one[1] == key[1] for one in self._watches):
-                self._request_streams(key, [_SYSTEM_TIME])  # whether it is the same vehicle as on the other link
+                self._request_streams(
+                    key, {_SYSTEM_TIME: STATE_HZ}
+                )  # whether it is the same vehicle as on the other link
 
-    def _request_streams(self, key: SenderKey, missing: Sequence[int]) -> None:
+    def _request_streams(self, key: SenderKey, missing: Mapping[int, float]) -> None:
         """Requests messages that a vehicle does not send by default."""
         now_s, (times, last_s) = self._station.now_s(), self._requested.get(key, (0, float("-inf")))
         if not missing or times >= REQUEST_COUNT or now_s < last_s + REQUEST_PERIOD_S:
             return
         self._requested[key] = times + 1, now_s
         link = self._lines[key[0]].link
-        for number in missing:
-            params = {"param1": float(number), "param2": 1e6 / REPORTED_HZ}
+        for number, rate_hz in missing.items():
+            params = {"param1": float(number), "param2": 1e6 / rate_hz}
             link.send(
                 message(
                     "COMMAND_LONG",
@@ -258,6 +275,8 @@ class Vehicles:
             is_alive=now_s - watch.beat_s < BEATS_WITHIN_S,
             fix_type=watch.fix_type,
             has_used_rtk=watch.has_used_rtk,
+            readings=self._readings(key),
+            flight=watch.flight.words(duration),
         )
         problems = tuple(self._problems(name, key, now_s))
         if known is not None and known.has_companion:
@@ -290,6 +309,11 @@ class Vehicles:
             problems=problems,
         )
         return fleet if platform == known else reducers.with_platform(fleet, platform)
+
+    def _readings(self, key: SenderKey) -> dict[str, Reading]:
+        """Readings of an autopilot and of the radio that leads to it."""
+        radio_reading = self._radios.get(key[0])
+        return {**self._watches[key].readings.all, **({} if radio_reading is None else {"radio": radio_reading})}
 
     def _route(self, name: str) -> SenderKey | None:
         """Best route to a vehicle: one with heartbeats, in the order in which the links were given."""

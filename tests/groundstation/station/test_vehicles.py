@@ -6,7 +6,7 @@ import pytest
 from tests.groundstation.vehicles_scene import ARDUPILOT, BRAKE, PX4, SMARTAP, Autopilot, Scene, over
 
 from gloc3.errors import Refused
-from gloc3.mavlink.codec import Parser
+from gloc3.mavlink.codec import Parser, shape
 from gloc3.mavlink.message import Address
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3.messages.envelope import Severity
@@ -14,6 +14,8 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
+from gloc3_groundstation.station.readings import MESSAGES as READINGS
+from gloc3_groundstation.station.readings import WANTED_HZ
 from gloc3_groundstation.station.vehicles import RESTARTED
 
 
@@ -179,15 +181,14 @@ def test_a_bare_vehicle_is_asked_a_few_times_for_what_it_does_not_tell() -> None
         scene.memories[0].b.on_data = handle
         Autopilot(scene.memories[0], PX4)
         await scene.pass_s(60.0)
-        assert len(requested) == 4 * 6
-        assert set(requested) == {
-            (511, 1.0, 1e6),
-            (511, 24.0, 1e6),
-            (511, 30.0, 1e6),
-            (511, 33.0, 1e6),
-            (511, 74.0, 1e6),
-            (511, 245.0, 1e6),
+        state = {(511, number, 1e6) for number in (1.0, 24.0, 30.0, 33.0, 74.0, 245.0)}
+        readings = {
+            (511, float(shape(name).id), 1e6 / WANTED_HZ[name])
+            for name in READINGS
+            if name not in ("EKF_STATUS_REPORT", "GPS_RAW_INT")
         }
+        assert len(requested) == 4 * (6 + 5)
+        assert set(requested) == state | readings
 
     over(play)
 

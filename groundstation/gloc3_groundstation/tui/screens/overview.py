@@ -1,6 +1,7 @@
 """Overview: the fleet, the vehicle in view, alerts and recent events."""
 
 from functools import partial
+from typing import Final
 
 from textual import on
 from textual.app import ComposeResult
@@ -23,6 +24,9 @@ from gloc3_groundstation.tui.views.overview import (
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
+ROOMY: Final = 170
+"""Columns from which the vehicle's details have two columns."""
+
 
 class OverviewScreen(StationScreen):
     """The fleet, the selected vehicle with its mission, the alerts and recent events."""
@@ -44,13 +48,14 @@ class OverviewScreen(StationScreen):
         yield Panel(id="vehicles_header", classes="plain line", can_focus=False)
         yield ListPanel(id="vehicles", classes="plain")
         with Grid(id="overview"):
-            yield Panel(id="facts", can_focus=False)
+            yield Panel(id="facts")
             yield Panel(id="mission")
             yield Panel(id="alerts")
             yield Panel(id="events", follows_end=True)
 
     def show_view(self, view: StationView) -> None:
         """Fills the panels."""
+        self.query_one("#overview").set_class(self.size.width >= ROOMY, "-roomy")
         vehicles, snapshot, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
         alerts, events = self.panel("alerts"), self.panel("events")
         self.panel("vehicles_header").show([vehicle_header(vehicles.width)] if view.fleet.platforms else [()])
@@ -60,7 +65,7 @@ class OverviewScreen(StationScreen):
             self._seen = view.platform.name
             vehicles.point_at(self._seen)
         vehicles.styles.height = max(1 if rows else 4, min(len(rows), self.size.height // 3))
-        snapshot.show(detail_lines(view), detail_title(view))
+        snapshot.show(detail_lines(view, snapshot.width), detail_title(view))
         lines = mission_lines(view.platform, view.plan, view.now_s, mission.width - 1)
         mission.show(lines, mission_title(view.platform, view.now_s))
         alerts.show(alert_lines(view, alerts.width), alerts_title(view))

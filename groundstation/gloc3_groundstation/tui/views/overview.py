@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
+from gloc3.clock import utc_text
 from gloc3.messages.summaries import Health, VehicleSummary
 from gloc3.mission.model.states import ActionState
 from gloc3_groundstation.station import wording
@@ -13,7 +14,7 @@ from gloc3_groundstation.tui.views.chrome import battery, tone_of
 from gloc3_groundstation.tui.views.components import HEALTH_TONES
 from gloc3_groundstation.tui.views.corrections import correction_rows
 from gloc3_groundstation.tui.views.mission.traffic import traffic_tone
-from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, wrapped
+from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, cut, wrapped
 from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 COLUMNS: Final = (
@@ -26,6 +27,9 @@ COLUMNS: Final = (
     Column("mission", 9, grows=2, most=20),
     Column("progress", 15, rank=2),
     Column("position", 24, rank=3),
+    Column("gps", 26, rank=4),
+    Column("power", 13, rank=6),
+    Column("flight", 17, rank=5),
     Column("components", 20, rank=1, grows=2, most=36),
     Column("alerts", 6, is_right=True, rank=1),
 )
@@ -37,6 +41,12 @@ NARROW_ALERTS: Final = 60
 SEVERITY: Final = 9
 MOST_TRAFFIC: Final = 3
 """Lines of traffic."""
+TWO_COLUMNS: Final = 76
+"""Columns from which the details stand side by side."""
+ABSENT: Final = "–"
+"""In the place of what was never received."""
+READINGS: Final = ("charge", "estimator", "vibration", "rc", "radio")
+"""Readings below the other details."""
 SLOW_TRIP_S: Final = 1.0
 """Round trip from which the operator is warned of delayed keys."""
 
@@ -57,6 +67,9 @@ def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> L
         link_span(platform, now_s),
         *mission_cells(platform, now_s),
         _position(platform, now_s),
+        reading_span(platform, "gps", now_s),
+        reading_span(platform, "power", now_s),
+        flight_span(platform),
         worst_span(platform, now_s),
         _alerts(view, platform),
     ]
@@ -70,8 +83,24 @@ def waiting_lines(view: StationView) -> list[Line]:
     return [EMPTY, waiting, *((Span(f" {hint}", Tone.DIM),) for hint in hints)]
 
 
-def detail_lines(view: StationView) -> list[Line]:
-    """What is worth knowing of the vehicle in view, a fact a line."""
+def detail_lines(view: StationView, width: int = 38) -> list[Line]:
+    """What is worth knowing of the vehicle in view, a fact a line, the most important first; wide, in two columns."""
+    facts = _facts(view)
+    if width < TWO_COLUMNS or not facts:
+        return facts
+    half = (len(facts) + 1) // 2
+    each = (width - 1) // 2
+    right = [*facts[half:], EMPTY][:half]
+    return [(*_padded(line, each), *other) for line, other in zip(facts[:half], right, strict=True)]
+
+
+def _padded(line: Line, width: int) -> Line:
+    name, span = line
+    text = cut(span.text, width - len(name.text) - 1)
+    return (name, Span(f"{text:<{width - len(name.text)}}", span.tone))
+
+
+def _facts(view: StationView) -> list[Line]:
     platform = view.platform
     if platform is None:
         return []
@@ -94,9 +123,11 @@ def detail_lines(view: StationView) -> list[Line]:
                 "position",
                 Span(wording.position(vehicle), stale or (Tone.TEXT if vehicle.is_pose_valid else Tone.BAD)),
             ),
-            ("from", _source(vehicle, stale)),
             ("motion", Span(motion, stale or Tone.TEXT)),
-            ("battery", _battery_bar(vehicle.battery_percent, stale)),
+            ("battery", _battery_bar(platform, vehicle.battery_percent, stale, now_s)),
+            ("gps", reading_span(platform, "gps", now_s)),
+            ("flight", _flight(platform, now_s)),
+            ("from", _source(vehicle, stale)),
         ]
         if not vehicle.is_autopilot_connected:
             snapshot.insert(0, ("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
@@ -108,6 +139,8 @@ def detail_lines(view: StationView) -> list[Line]:
     near = [one for one in view.fleet.encounters if one.platform == platform.name][:MOST_TRAFFIC]
     for number, one in enumerate(near):
         snapshot.append(("" if number else "traffic", Span(str(one), traffic_tone(one))))
+    snapshot += [(name, reading_span(platform, name, now_s)) for name in READINGS]
+    snapshot.append(("utc", Span(utc_text(now_s + view.fleet.utc_offset_s, "%H:%M:%S"), Tone.TEXT)))
     return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in snapshot]
 
 
@@ -306,11 +339,47 @@ def _battery(percent: int) -> tuple[str, Tone]:
     return level.removeprefix("bat "), Tone.BAD if tone is Tone.ALARM else tone
 
 
-def _battery_bar(percent: int, stale: Tone | None) -> Span:
+def _battery_bar(platform: PlatformSnapshot, percent: int, stale: Tone | None, now_s: float) -> Span:
     level, tone = _battery(percent)
+    volts = _volts(platform, now_s)
     if percent < 0:
-        return Span("not known", stale or Tone.WARN)
-    return Span(f"{bar(percent / 100.0, 12)} {level}", stale or tone)
+        return Span(f"not known{volts}", stale or Tone.WARN)
+    return Span(f"{bar(percent / 100.0, 5 if volts else 12)} {level}{volts}", stale or tone)
+
+
+def _volts(platform: PlatformSnapshot, now_s: float) -> str:
+    """Voltage and current as the vehicle reports them; empty where it does not, or not lately."""
+    power = None if platform.autopilot is None else platform.autopilot.readings.get("power")
+    if power is not None and not power.is_stale(now_s):
+        return f", {power.text}"
+    motion = platform.motion
+    if motion is None or motion.is_stale(now_s) or not motion.value.battery_cv:
+        return ""
+    return f", {motion.value.battery_cv / 100.0:.1f} V {motion.value.battery_ca / 100.0:.1f} A"
+
+
+def reading_span(platform: PlatformSnapshot, name: str, now_s: float) -> Span:
+    """A reading of the autopilot, with its age where it is stale; a dash where it was never received."""
+    reading = None if platform.autopilot is None else platform.autopilot.readings.get(name)
+    if reading is None:
+        return Span(ABSENT, Tone.DIM)
+    if reading.is_stale(now_s):
+        return Span(f"{reading.text} ({wording.roughly(now_s - reading.received_s)} ago)", Tone.STALE)
+    return Span(reading.text, (Tone.TEXT, Tone.WARN, Tone.BAD)[reading.level])
+
+
+def flight_span(platform: PlatformSnapshot) -> Span:
+    """Time in the air."""
+    text = "" if platform.autopilot is None else platform.autopilot.flight
+    return Span(text, Tone.TEXT) if text else Span(ABSENT, Tone.DIM)
+
+
+def _flight(platform: PlatformSnapshot, now_s: float) -> Span:
+    """Time in the air, and the distance to home."""
+    flight, home = flight_span(platform), reading_span(platform, "home", now_s)
+    if home.text == ABSENT:
+        return flight
+    return Span(f"{flight.text}, home {home.text}", home.tone)
 
 
 def _aged(spans: Sequence[Span], timed: Timed, now_s: float) -> Sequence[Span]:  # type: ignore[type-arg] # of any message

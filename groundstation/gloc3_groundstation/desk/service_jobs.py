@@ -22,6 +22,7 @@ class ServiceKind(StrEnum):
     CALIBRATION = "Calibration"
     RATES = "Rates"
     CONSOLE = "Console"
+    MOTORS = "Motors"
 
 
 class ServiceJob(msgspec.Struct, frozen=True, kw_only=True):

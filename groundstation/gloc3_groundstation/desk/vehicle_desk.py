@@ -13,6 +13,7 @@ from gloc3.mavlink.services.plan import PlanType
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk.console_desk import ConsoleDesk
 from gloc3_groundstation.desk.control import require_control
+from gloc3_groundstation.desk.motor_desk import MotorDesk
 from gloc3_groundstation.desk.parameter_desk import ParameterDesk
 from gloc3_groundstation.desk.plan_desk import PlanDesk
 from gloc3_groundstation.desk.service_jobs import JobOutcome, Jobs, ServiceJob, ServiceKind, Work, attempt
@@ -61,6 +62,7 @@ class VehicleDesk:
         self.parameters: Final = ParameterDesk(self.begin, services.parameters)
         self.plans: Final = PlanDesk(self.begin, services.plans)
         self.console: Final = ConsoleDesk(self.begin, services.console, self.require_control)
+        self.motors: Final = MotorDesk(self.begin, services.motors, self.require_control, station.now_s)
         self.logs: tuple[LogLine, ...] | None = None
         """The newest first; None until they were listed."""
         self.listing: Folder | None = None

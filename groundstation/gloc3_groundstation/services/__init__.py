@@ -9,6 +9,7 @@ __all__ = [
     "files",
     "logs",
     "machines",
+    "motor_test",
     "parameter_table",
     "parameters",
     "plan_items",

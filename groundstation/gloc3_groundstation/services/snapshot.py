@@ -33,6 +33,8 @@ class Firmware(StrEnum):
 
 FIRMWARES: Final = {3: Firmware.ARDUPILOT, 12: Firmware.PX4}
 """By MAV_AUTOPILOT."""
+_IN_AIR: Final = (2, 3, 4)
+"""MAV_LANDED_STATE: in the air, taking off, landing."""
 
 
 class ServicesSnapshot(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,6 +45,8 @@ class ServicesSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     vehicle_type: int = 0
     """MAV_TYPE."""
     is_armed: bool = False
+    is_in_air: bool = False
+    """As it last said in EXTENDED_SYS_STATE; false where it does not say."""
     received_s: float | None = None
     """Time of its last heartbeat, on the station's clock; None before the first."""
     version: Version | None = None
@@ -68,7 +72,7 @@ class ServicesSnapshot(msgspec.Struct, frozen=True, kw_only=True):
 class SnapshotService(Microservice[Never]):
     """Keeps a vehicle's snapshot up to date."""
 
-    handles = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION"})
+    handles = frozenset({"HEARTBEAT", "AUTOPILOT_VERSION", "EXTENDED_SYS_STATE"})
 
     def __init__(self, own: Address, target: Address, commands: MavCommandClient) -> None:
         super().__init__(own)
@@ -88,6 +92,9 @@ class SnapshotService(Microservice[Never]):
                 is_armed=bool(message.base_mode & ARMED),
                 received_s=now_s,
             )
+        elif message.name == "EXTENDED_SYS_STATE":
+            is_in_air = message.landed_state in _IN_AIR
+            self.snapshot = msgspec.structs.replace(self.snapshot, is_in_air=is_in_air)
         else:
             self.snapshot = msgspec.structs.replace(self.snapshot, version=read_version(message))
 

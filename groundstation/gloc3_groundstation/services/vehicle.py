@@ -21,6 +21,7 @@ from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.logs import LogService
 from gloc3_groundstation.services.machines import Machines, Wire
 from gloc3_groundstation.services.mavsdk.behind_link import MavsdkBehindLink
+from gloc3_groundstation.services.motor_test import MotorTestService
 from gloc3_groundstation.services.parameters import ParameterService
 from gloc3_groundstation.services.plans import PlanService
 from gloc3_groundstation.services.rates import FrameRateMeter, RateService
@@ -72,6 +73,7 @@ class VehicleServices:
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
         self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots)
         self.console: Final = ConsoleService(self.machines, shell, self._snapshots)
+        self.motors: Final = MotorTestService(self.machines, commands, self._snapshots, target)
         self._mavsdk = MavsdkBehindLink(wire, target)
         self.actions: Final = ActionService(self.machines, commands, self._mavsdk, self._snapshots)
         self.rates: Final = RateService(self.machines, commands, meter, target)

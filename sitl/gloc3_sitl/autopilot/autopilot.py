@@ -8,6 +8,7 @@ from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.arming import Authorization
 from gloc3_sitl.autopilot.commander import Commander
 from gloc3_sitl.autopilot.control.control import ControlLoops, Outputs
+from gloc3_sitl.autopilot.control.motor_test import MotorTest
 from gloc3_sitl.autopilot.craft import Craft, Report
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.estimator.sources import AidingSource, Fix
@@ -96,6 +97,7 @@ class Autopilot:
         self.choose_sources()
         self.others: dict[type, Any] = {}
         """The newest reading of each of the sensors that only some vehicles have, by its type."""
+        self.motor_test: Final = MotorTest()
         self.outputs: Outputs = self._stopped
         """Of the last period, as the vehicle's body takes them."""
         self.imu_recent: Final[deque[ImuReading]] = deque(maxlen=OUTER_STEPS)
@@ -197,7 +199,8 @@ class Autopilot:
         if self._count >= OUTER_STEPS:
             self._count = 0
             self._outer(now_s)
-        self.outputs = outputs = self.control.outputs() if self.craft.is_armed else self._stopped
+        is_armed = self.craft.is_armed
+        self.outputs = outputs = self.control.outputs() if is_armed else self.motor_test.outputs(self._stopped, now_s)
         return outputs
 
     # -- the outer loops --------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import pytest
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
+from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase
 from gloc3.mavlink.services.plan import PlanType
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
@@ -151,6 +152,29 @@ async def test_the_shell_of_px4_is_typed_into_and_ardupilot_has_none(vehicle: tu
         lines = services.console.text.lines
         assert "FW version: 1.16.0" in lines
         assert "nsh: reboot: command not found" in lines
+
+
+async def test_a_motor_turns_by_itself_and_stops(vehicle: tuple[str, int]) -> None:
+    style, port = vehicle
+    async with at_hand(port) as (services, link):
+        pulses: list[tuple[int, ...]] = []
+
+        def listen(frame: Frame) -> None:
+            if (one := frame.decode()) is not None and one.name == "SERVO_OUTPUT_RAW":
+                pulses.append(tuple(getattr(one, f"servo{number}_raw") for number in (1, 2, 3, 4)))
+
+        link.listen(listen)
+        await services.rates.request("SERVO_OUTPUT_RAW", 50.0)
+        await services.motors.run(2)
+        await until(lambda: pulses[-1] == (1000,) * 4)
+        assert (1000, 1100, 1000, 1000) in pulses
+        assert set(pulses) == {(1000,) * 4, (1000, 1100, 1000, 1000)}
+        if style == "px4":
+            await services.parameters.fetch()
+            await services.parameters.set("COM_MOT_TEST_EN", 0)
+            with pytest.raises(Refused, match="COM_MOT_TEST_EN must be 1"):
+                await services.motors.run(2)
+            await services.parameters.set("COM_MOT_TEST_EN", 1)
 
 
 async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple[str, int], tmp_path: Path) -> None:

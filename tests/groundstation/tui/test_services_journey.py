@@ -104,7 +104,7 @@ async def test_commands_are_typed_into_the_shell_of_px4_by_keys(tmp_path: Path) 
     async with terminal("px4", tmp_path) as here:
         await here.until("title", "px4-1")
         await here.go("6")
-        await here.press("shift+tab")
+        await here.press("shift+tab", "shift+tab")
         await here.until("console_list", "o opens PX4's shell")
         await here.press("o")
         await here.until("job", "✓ the shell answers")
@@ -124,3 +124,27 @@ async def test_commands_are_typed_into_the_shell_of_px4_by_keys(tmp_path: Path) 
         await here.press("escape")
         await here.wait(lambda: not line.display)
         assert any(event.text == "shell: ver all" for event in here.station.fleet.events)
+
+
+async def test_a_motor_is_tested_by_keys_after_a_typed_confirmation(tmp_path: Path) -> None:
+    async with terminal("px4", tmp_path) as here:
+        await here.until("title", "px4-1")
+        await here.go("6")
+        await here.until("services", "PX4")
+        await here.press("shift+tab")
+        await here.until("motors_list", "motor 4")
+        await here.press("t")
+        await here.wait(lambda: isinstance(here.app.screen, TextEntry) and isinstance(here.app.focused, Input))
+        here.app.screen.query_one(Input).value = "yes"
+        await here.press("enter")
+        await here.pilot.pause(0.3)
+        assert isinstance(here.app.screen, TextEntry), "yes is no confirmation"
+        here.app.screen.query_one(Input).value = "Props off"
+        await here.press("enter")
+        await here.until("job", "motor 1 turns with 10 %")
+        await here.until("job", "✓ motor 1 was tested: 10 %, 2 s")
+        await here.press("down", "t")
+        await here.until("job", "motor 2 turns")
+        await here.press("s")
+        await here.until("job", "✗ testing motor 2: cancelled")
+        await here.until("motors_list", "stopped")

@@ -1,4 +1,4 @@
-"""The vehicle services: parameters, plans, logs, files, calibration, rates and console of the vehicle in view."""
+"""The vehicle services: parameters, plans, logs, files, calibration, rates, console and motors of the vehicle in view."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -16,6 +16,7 @@ from gloc3_groundstation.tui.services.calibration import CalibrationPane
 from gloc3_groundstation.tui.services.console import ConsolePane
 from gloc3_groundstation.tui.services.files import FilesPane
 from gloc3_groundstation.tui.services.logs import LogsPane
+from gloc3_groundstation.tui.services.motors import MotorsPane
 from gloc3_groundstation.tui.services.pane import ServicePane
 from gloc3_groundstation.tui.services.parameters import ParametersPane
 from gloc3_groundstation.tui.services.plans import PlansPane
@@ -32,6 +33,7 @@ PANES: Final[tuple[type[ServicePane], ...]] = (
     CalibrationPane,
     RatesPane,
     ConsolePane,
+    MotorsPane,
 )
 
 

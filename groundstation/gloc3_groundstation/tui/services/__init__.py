@@ -3,4 +3,4 @@
 Each pane belongs to the services screen and calls the vehicle's desk.
 """
 
-__all__ = ["calibration", "console", "files", "logs", "pane", "parameters", "plans", "rates"]
+__all__ = ["calibration", "console", "files", "logs", "motors", "pane", "parameters", "plans", "rates"]

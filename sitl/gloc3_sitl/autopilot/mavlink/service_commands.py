@@ -1,6 +1,7 @@
 """Commands that do not concern the flight: power, calibration, failures, outputs."""
 
 from collections.abc import Callable, Mapping
+from math import isfinite
 from typing import Final
 
 from gloc3.mavlink.services.command_server import MavCommandRequest
@@ -8,11 +9,14 @@ from gloc3_sitl.autopilot.mavlink.calibration import VEHICLE_POSITION, Subject
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.surroundings import FailureKind, FailureUnit, SupplyState
+from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR
 from gloc3_sitl.autopilot.verdict import ACCEPTED, RequestVerdict
 
 _UNSUPPORTED: Final = RequestVerdict(Result.UNSUPPORTED)
 _MOTORS: Final = 4
 _CHANNELS: Final = 16
+_TEST_S: Final = 3.0
+"""Longest motor test of PX4."""
 _TO_BOOTLOADER: Final = 3.0
 _START_COMPASS, _CANCEL_COMPASS = 42424, 42426
 
@@ -118,11 +122,44 @@ def _confirm_position(context: FrontContext, request: MavCommandRequest) -> Requ
     return ACCEPTED
 
 
+def _test_actuator(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """PX4's ACTUATOR_TEST: one motor for at most 3 s; a time that is not positive stops it."""
+    craft = context.craft
+    if not context.is_px4 or context.autopilot.vehicle is not MULTIROTOR:
+        return _UNSUPPORTED
+    if craft.is_armed or not context.autopilot.parameters["COM_MOT_TEST_EN"]:
+        return RequestVerdict(Result.DENIED, "armed, or COM_MOT_TEST_EN is 0")
+    share, seconds, _, _, motor, *_ = request.params
+    if motor not in range(1, _MOTORS + 1):
+        return _UNSUPPORTED
+    if not (isfinite(share) and seconds > 0.0):
+        context.autopilot.motor_test.stop()
+        return ACCEPTED
+    context.autopilot.motor_test.begin(int(motor), min(max(share, 0.0), 1.0), craft.now_s + min(seconds, _TEST_S))
+    return ACCEPTED
+
+
+def _test_motor(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """ArduPilot's DO_MOTOR_TEST, by percent of throttle; a test without throttle stops it."""
+    craft = context.craft
+    if context.is_px4 or context.autopilot.vehicle is not MULTIROTOR:
+        return _UNSUPPORTED
+    if craft.is_armed or not craft.is_landed:
+        return RequestVerdict(Result.FAILED, "armed, or not landed")
+    motor, kind, percent, seconds, *_ = request.params
+    if motor not in range(1, _MOTORS + 1) or kind != 0.0 or not 0.0 <= percent <= 100.0:
+        return RequestVerdict(Result.FAILED, "this motor or throttle cannot be tested")
+    context.autopilot.motor_test.begin(int(motor), percent / 100.0, craft.now_s + max(0.0, seconds))
+    return ACCEPTED
+
+
 SERVICE_HANDLERS: Final[Mapping[int, Callable[[FrontContext, MavCommandRequest], RequestVerdict]]] = {
     181: _set_relay,
     183: _set_servo,
+    209: _test_motor,
     241: _calibrate,
     246: _power,
+    310: _test_actuator,
     420: _inject,
     _START_COMPASS: _calibrate_compass,
     _CANCEL_COMPASS: _calibrate_compass,

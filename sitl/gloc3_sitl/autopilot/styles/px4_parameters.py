@@ -78,6 +78,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     real("COM_DISARM_PRFLT", 10.0, -1.0, 3600.0, "disarm when nothing took off, s", "disarm_unflown_s"),
     whole("COM_ARM_WO_GPS", 1, 0, 2, "arming without a position"),
     whole("COM_ARM_ODID", 0, 0, 2, "Remote ID, which reports whether it is good to arm; arming is not refused for it"),
+    whole("COM_MOT_TEST_EN", 1, 0, 1, "motor tests are allowed"),
     whole("COM_LOW_BAT_ACT", 3, 0, 3, "critical battery: 0 warn, 2 land, 3 return, and land in an emergency"),
     real("BAT_LOW_THR", 0.15, 0.12, 0.5, "low battery, share", "battery_low"),
     real("BAT_CRIT_THR", 0.1, 0.05, 0.5, "critical battery, share", "battery_critical"),

@@ -8,6 +8,7 @@ __all__ = [
     "drive",
     "drive_gains",
     "lateral",
+    "motor_test",
     "multirotor",
     "position",
     "setpoint",

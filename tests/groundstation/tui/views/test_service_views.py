@@ -34,7 +34,7 @@ def text(lines: list[Line]) -> str:
 
 def test_the_services_stand_in_one_line_with_a_figure_at_those_that_work() -> None:
     running = {ServiceKind.LOGS: ServiceJob(what="x", fraction=0.42), ServiceKind.FILES: ServiceJob(what="y")}
-    line = services_line(ServiceKind.PLANS, running, "PX4 1.15.4, system 1", 90)
+    line = services_line(ServiceKind.PLANS, running, "PX4 1.15.4, system 1", 110)
     assert text_of(line).split() == [
         "Parameters",
         "Plans",
@@ -45,6 +45,8 @@ def test_the_services_stand_in_one_line_with_a_figure_at_those_that_work() -> No
         "…",
         "Calibration",
         "Rates",
+        "Console",
+        "Motors",
         "PX4",
         "1.15.4,",
         "system",

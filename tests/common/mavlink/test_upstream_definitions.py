@@ -8,6 +8,7 @@ from gloc3.mavlink.message import Address
 
 GENERATED = {
     "COMMAND_CANCEL": (80, 4, 14),
+    "COMPONENT_INFORMATION": (395, 212, 0),
     "COMPONENT_METADATA": (397, 108, 182),
     "EVENT": (410, 53, 160),
     "CURRENT_EVENT_SEQUENCE": (411, 3, 106),
@@ -46,13 +47,14 @@ def test_one_crosses_the_wire_and_is_addressed() -> None:
 
 @pytest.mark.parametrize("name", upstream.EXTENSIONS)
 def test_who_does_not_know_an_added_field_reads_the_rest(name: str) -> None:
-    added = {field.name: 0xDEAD_BEEF for field in upstream.EXTENSIONS[name]}
-    reported = (
-        codec.message(name, mission_type=1, **added) if name != "MISSION_CURRENT" else codec.message(name, **added)
-    )
+    added = {field.name: 0xBE if field.type == "uint8_t" else 0xDEAD_BEEF for field in upstream.EXTENSIONS[name]}
+    known = {"mission_type": 1} if name in ("MISSION_COUNT", "MISSION_ACK") else {}
+    if name == "SERIAL_CONTROL":
+        known["count"] = 1
+    reported = codec.message(name, **known, **added)
     raw = codec.Encoder(*Address(1, 191)).encode(reported)
     (frame,) = codec.Parser().receive(raw)
     assert frame.decode() == reported
     read = theirs.MAVLink(None).decode(bytearray(raw))
     assert read.get_type() == name
-    assert getattr(read, "mission_type", 1) == 1
+    assert {field: getattr(read, field) for field in known} == known

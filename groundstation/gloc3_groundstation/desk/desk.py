@@ -17,6 +17,7 @@ from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.fleet_desk import FleetDesk, LinkStore
 from gloc3_groundstation.desk.flights import End, FarAway, Follower
 from gloc3_groundstation.desk.mission_desk import MissionDesk
+from gloc3_groundstation.desk.plug_ins import PlugIns
 from gloc3_groundstation.desk.preflight_desk import PreflightDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.desk.vehicle_commands import VehicleCommands
@@ -89,6 +90,7 @@ class Desk:
         """Commands vehicles without a companion, or with a silent one."""
         self.commands: Final = VehicleCommands(station, self.autopilots, self.missions)
         """Commands of a script, each awaited until it is done."""
+        self.plug_ins: Final = PlugIns(lambda text: station.note("", Severity.WARNING, text))
         self.preflight: Final = PreflightDesk(station)
         self.queue: Final = queue or ContactQueue(station)
         """Missions that wait for the next contact."""
@@ -110,10 +112,14 @@ class Desk:
 
     def alerts(self) -> Alerts:
         """The current alerts."""
-        before, self._alerts = self._alerts, alerts.update(self._alerts, self.station.fleet, self.station.now_s())
+        before, self._alerts = self._alerts, self._updated()
         for alert in alerts.began(self._alerts, before, Cause.LINK):  # of all else the vehicle itself tells an event
             self.station.note(alert.platform, Severity.NOTICE, alert.text)
         return self._alerts
+
+    def _updated(self) -> Alerts:
+        fleet, now_s = self.station.fleet, self.station.now_s()
+        return alerts.update(self._alerts, fleet, now_s, self.plug_ins.causes(fleet, now_s))
 
     def acknowledge(self, key: tuple[str, str] | None = None) -> None:
         """Acknowledges one alert, or all."""

@@ -118,16 +118,17 @@ class Alerts(msgspec.Struct, frozen=True):
         return [alert for alert in self.listed if alert.platform == platform]
 
 
-def update(alerts: Alerts, fleet: Fleet, now_s: float) -> Alerts:
+def update(alerts: Alerts, fleet: Fleet, now_s: float, further: Iterable[AlertCause] = ()) -> Alerts:
     """The alerts as the fleet is now; the same object where nothing has changed.
 
     Args:
         alerts: those that were.
         fleet: with the events since then.
         now_s: the station's time.
+        further: active problems that plug-ins find.
     """
     found = dict(alerts.all)
-    standing = {(cause.platform, cause.what): cause for cause in causes(fleet, now_s)}
+    standing = {(cause.platform, cause.what): cause for cause in (*further, *causes(fleet, now_s))}
     for key, cause in standing.items():
         found[key] = _standing(found.get(key), cause, now_s)
     for event in fleet.events_after(alerts.events_seen):

@@ -37,6 +37,7 @@ from gloc3_groundstation.tui.keys import GENERAL_KEYS
 from gloc3_groundstation.tui.palette import StationCommands
 from gloc3_groundstation.tui.screen import Offer, ShowVehicle, StationScreen
 from gloc3_groundstation.tui.screens.mission import MissionScreen
+from gloc3_groundstation.tui.screens.plugged import plugged_rows
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import THEMES, offer_themes
 from gloc3_groundstation.tui.view import StationView
@@ -100,6 +101,8 @@ class StationApp(App[End | None]):
         self._configuration = configuration
         desk.missions.recent = configuration.session.missions
         desk.gamepad, desk.joysticks = configuration.gamepad, dict(configuration.joysticks)
+        self.plugged: Final = plugged_rows(desk)
+        """Screens of plug-ins."""
         self._is_monochrome = is_monochrome
         self._in_view = InView(opening.platform, configuration.session.platform)
         self._waiting_for = waiting_for
@@ -114,6 +117,8 @@ class StationApp(App[End | None]):
         offer_themes(self)
         self.theme = MONOCHROME if self._is_monochrome else self._configuration.theme
         for row in SCREENS:
+            self.add_mode(row.name, partial(row.screen, self.desk, SCREENS, row, self.view))
+        for row in self.plugged:
             self.add_mode(row.name, partial(row.screen, self.desk, SCREENS, row, self.view))
         last = [row.name for row in SCREENS if row.name == self._configuration.session.screen]
         if self._opening.opens:
@@ -172,6 +177,7 @@ class StationApp(App[End | None]):
             alerts=self.desk.alerts(),
             round_trip_s=station.round_trip_s(platform.name) if platform is not None else None,
             tracks=self._tracks,
+            further=self.desk.plug_ins.overview(platform, station.now_s()) if platform is not None else (),
             waiting_for=self._waiting_for(),
         )
 

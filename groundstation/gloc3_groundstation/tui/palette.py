@@ -8,7 +8,7 @@ from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from gloc3_groundstation.desk.autopilot_desk import OFFERS
 from gloc3_groundstation.desk.desk import Move
-from gloc3_groundstation.tui.screen import Offer, PaletteCommand, StationScreen
+from gloc3_groundstation.tui.screen import Offer, PaletteCommand, ScreenRow, StationScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.themes import DESCRIPTIONS
 from gloc3_groundstation.tui.view import StationView
@@ -27,6 +27,8 @@ class Commanded(Protocol):
     """Interface of the terminal for the palette; `StationApp` implements it."""
 
     current_mode: str
+    plugged: tuple[ScreenRow, ...]
+    """Screens of plug-ins."""
 
     def view(self) -> StationView:
         """What is shown now."""
@@ -102,7 +104,7 @@ class StationCommands(Provider):
         for name in view.fleet.platforms:
             if platform is None or name != platform.name:
                 yield PaletteCommand(f"Show {name}", "brings it into view", partial(app.show_vehicle, name))
-        for row in SCREENS:
+        for row in (*SCREENS, *app.plugged):
             yield PaletteCommand(f"Screen: {row.title}", row.help, partial(app.action_go, row.name))
         for theme, text in DESCRIPTIONS.items():
             yield PaletteCommand(f"Theme: {theme}", text, partial(setattr, app, "theme", theme))

@@ -33,6 +33,8 @@ class StationView(NamedTuple):
     """Round-trip time to the selected vehicle, s; None while it is unknown."""
     tracks: Tracks = Tracks()
     """What was before: it grows, so views of different moments share it."""
+    further: tuple[tuple[str, str], ...] = ()
+    """Names and texts of lines about the selected vehicle by plug-ins."""
     waiting_for: str = "the link"
     """What is listened to."""
 

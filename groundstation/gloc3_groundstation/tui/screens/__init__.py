@@ -3,4 +3,4 @@
 A new screen is a file here and a row in `table`.
 """
 
-__all__ = ["mission", "table"]
+__all__ = ["mission", "plugged", "table"]

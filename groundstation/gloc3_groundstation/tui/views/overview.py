@@ -136,6 +136,7 @@ def _facts(view: StationView) -> list[Line]:
         if vehicle.frame:
             snapshot.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
     snapshot += correction_rows(view)
+    snapshot += [(name[:10], Span(text)) for name, text in view.further]
     near = [one for one in view.fleet.encounters if one.platform == platform.name][:MOST_TRAFFIC]
     for number, one in enumerate(near):
         snapshot.append(("" if number else "traffic", Span(str(one), traffic_tone(one))))

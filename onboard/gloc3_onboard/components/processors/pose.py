@@ -26,6 +26,7 @@ WORTHLESS_M: Final = 10.0
 """A position in as much doubt has no quality left."""
 
 
+_OFF_THE_GROUND: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
 FROZEN_FIXES: Final = 4
 """So many fixes of new times with the same digits are no measurements: noise alone changes them."""
 FROZEN_M_S2: Final = 0.4
@@ -78,6 +79,8 @@ class ReceiverCheck:
         self._fix_s = self._changed_s = -math.inf
         self._same = 0
         """How many fixes have repeated the last one."""
+        self._speeds_m_s = (0.0, 0.0)
+        """Of the estimate, level and vertical, before the receiver froze."""
 
     def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool) -> None:
         """Handles a fix, valid or not; at rest on the ground receivers may hold their position."""
@@ -110,11 +113,17 @@ class ReceiverCheck:
             own - speed * age_s - other
             for own, speed, other in zip(position_ned_m, velocity_ned_m_s, place, strict=True)
         )
-        frozen_m = 0.5 * FROZEN_M_S2 * self.frozen_s(t_s) ** 2
-        level = _apart(math.hypot(north, east), fix.std_m, math.hypot(*velocity_ned_m_s[:2]))
-        height = _apart(abs(down), fix.height_std_m, abs(velocity_ned_m_s[2]))
+        level_m_s, upright_m_s = math.hypot(*velocity_ned_m_s[:2]), abs(velocity_ned_m_s[2])
+        level = _apart(math.hypot(north, east), fix.std_m, level_m_s)
+        height = _apart(abs(down), fix.height_std_m, upright_m_s)
+        frozen_s = self.frozen_s(t_s)
+        if not frozen_s:
+            self._speeds_m_s = level_m_s, upright_m_s
+            return ReceiverDoubt(level.contradicts_m, level.std_m, max(height.contradicts_m, height.std_m))
+        drift_m = 0.5 * FROZEN_M_S2 * frozen_s**2
+        level_m, upright_m = (speed * frozen_s + drift_m for speed in self._speeds_m_s)
         return ReceiverDoubt(
-            max(frozen_m, level.contradicts_m), level.std_m, max(frozen_m, height.contradicts_m, height.std_m)
+            max(level_m, level.contradicts_m), level.std_m, max(upright_m, height.contradicts_m, height.std_m)
         )
 
     def _recent(self, t_s: float) -> SatelliteFix | None:
@@ -196,7 +205,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
         state = inbox.latest(self.autopilot)
-        is_in_flight = state is not None and state.payload.landed is LandedState.IN_AIR
+        is_in_flight = state is not None and state.payload.landed in _OFF_THE_GROUND
         for fix in inbox.new(self.satellites):
             self._receiver.receive(fix.payload, fix.t_s, is_in_flight=is_in_flight)
         return [

@@ -96,9 +96,9 @@ class ForwardLink:
     def describe(self) -> str:
         """Text for people: which frames pass."""
         if self.is_both:
-            return "forwarded to another station; its commands pass to the vehicles"
-        withheld = f"; {self.withheld:,} frames from there withheld" if self.withheld else ""
-        return f"forwarded to another station, one way{withheld}"
+            return "to a station, its commands pass"
+        withheld = f", {self.withheld:,} frames withheld" if self.withheld else ""
+        return f"to a station, one way{withheld}"
 
     def send(self, raw: bytes) -> None:
         """Sends a frame as it is."""

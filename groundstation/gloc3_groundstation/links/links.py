@@ -119,6 +119,8 @@ class Links:
         endpoint = link.endpoint = await open_endpoint(url, context.loop, receive)
         self._forwarded.append(_Opened(endpoint, link))
         self._forwarding.links.append(link)
+        if is_both and (warning := parse_url(url).warning(is_signed=False, advice="listen on 127.0.0.1")):
+            context.report(warning)
 
     def _is_open(self, url: str) -> bool:
         urls = [each.endpoint.url for each in self._open] + [each.endpoint.url for each in self._forwarded]

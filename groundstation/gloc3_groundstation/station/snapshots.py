@@ -171,7 +171,6 @@ class TrafficContact(msgspec.Struct, frozen=True, kw_only=True):
     """As reported: by pressure, or above the ellipsoid; it may differ from the vehicles' by 100 m."""
     velocity_ne_m_s: tuple[float, float] | None = None
     """To north and east; None where it is not told."""
-    climb_m_s: float | None = None
     received_s: float
     """For which time its position is valid."""
 

@@ -16,9 +16,9 @@ MESSAGES: Final = frozenset(
 MOST_NAME: Final = 20
 MOST_SPEED_M_S: Final = 1000.0
 MOST_ALTITUDE_M: Final = 30_000.0
-_COORDINATES, _ALTITUDE, _HEADING, _VELOCITY, _CALLSIGN, _CLIMB = 1, 2, 4, 8, 16, 128
+_COORDINATES, _ALTITUDE, _HEADING, _VELOCITY, _CALLSIGN = 1, 2, 4, 8, 16
 """ADSB_FLAGS."""
-_UNKNOWN_DIRECTION, _UNKNOWN_SPEED, _UNKNOWN_CLIMB, _UNKNOWN_ALTITUDE_M = 36_100, 25_500, 6_300, -1000.0
+_UNKNOWN_DIRECTION, _UNKNOWN_SPEED, _UNKNOWN_ALTITUDE_M = 36_100, 25_500, -1000.0
 _PACKED_BYTES: Final = 25
 _MOST_PACKED: Final = 9
 _PACKED_LOCATION: Final = Struct("<BBBBbiiHHH")
@@ -36,7 +36,6 @@ class TrafficReport(NamedTuple):
     """Latitude and longitude, degrees."""
     altitude_m: float | None = None
     velocity_ne_m_s: tuple[float, float] | None = None
-    climb_m_s: float | None = None
     age_s: float = 0.0
     """Of the position, when the message was sent."""
 
@@ -76,7 +75,6 @@ def _adsb(message: MavlinkMessage) -> TrafficReport:
         _place(message.lat, message.lon) if flags & _COORDINATES else None,
         _altitude(message.altitude / 1e3) if flags & _ALTITUDE else None,
         _velocity(message.heading / 100.0, message.hor_velocity / 100.0) if has_motion else None,
-        message.ver_velocity / 100.0 if flags & _CLIMB else None,
         float(message.tslc),
     )
 
@@ -88,7 +86,6 @@ def _location(key: str, message: MavlinkMessage) -> TrafficReport:
         place=_place(message.latitude, message.longitude),
         altitude_m=_altitude(message.altitude_geodetic),
         velocity_ne_m_s=_velocity(message.direction / 100.0, message.speed_horizontal / 100.0) if has_motion else None,
-        climb_m_s=message.speed_vertical / 100.0 if message.speed_vertical < _UNKNOWN_CLIMB else None,
     )
 
 
@@ -100,7 +97,7 @@ def _packed(key: str, data: bytes) -> Iterator[TrafficReport]:
         case 0:
             yield TrafficReport(key, plain(_PACKED_BASIC.unpack_from(data)[2].decode("ascii", "replace")))
         case 1:
-            _, flags, direction, speed, climb, latitude, longitude, _, altitude, _ = _PACKED_LOCATION.unpack_from(data)
+            _, flags, direction, speed, _, latitude, longitude, _, altitude, _ = _PACKED_LOCATION.unpack_from(data)
             track_deg = direction + (180.0 if flags & 2 else 0.0)
             speed_m_s = speed * 0.75 + 63.75 if flags & 1 else speed * 0.25
             has_motion = direction < 180 and speed < 255
@@ -109,7 +106,6 @@ def _packed(key: str, data: bytes) -> Iterator[TrafficReport]:
                 place=_place(latitude, longitude),
                 altitude_m=_altitude(altitude * 0.5 - 1000.0),
                 velocity_ne_m_s=_velocity(track_deg, speed_m_s) if has_motion else None,
-                climb_m_s=climb * 0.5 if abs(climb) < 126 else None,
             )
 
 

@@ -89,7 +89,6 @@ class Traffic:
             place=report.place,
             altitude_m=report.altitude_m,
             velocity_ne_m_s=report.velocity_ne_m_s,
-            climb_m_s=report.climb_m_s,
             received_s=now_s - report.age_s,
         )
         if known is None and len(self._contacts) >= MOST_CONTACTS and not self._make_room(contact):

@@ -80,7 +80,7 @@ def test_frames_of_vehicles_go_out_as_they_came_and_commands_do_not_come_in() ->
     rig.comes(rig.raw(OTHER, "COMMAND_LONG", **command(VEHICLE)))
     assert [line.sent for line in rig.lines] == [[], []]
     assert rig.link.withheld == 3
-    assert rig.link.describe() == "forwarded to another station, one way; 3 frames from there withheld"
+    assert rig.link.describe() == "to a station, one way, 3 frames withheld"
     [text] = rig.reported
     assert text.startswith("254/190 behind udpout://there:14550 sends commands, which are not passed to the vehicles")
 
@@ -181,7 +181,7 @@ async def test_a_second_station_sees_the_vehicle_and_commands_it_only_both_ways(
             await until(lambda: second.station.fleet.get("px4-1") is not None)
             await until(lambda: bool(first.links._forwarded[0].link.withheld))
             *_, shown = first.links.snapshots(())
-            assert shown.forwards.startswith("forwarded to another station, one way; ")
+            assert shown.forwards.startswith("to a station, one way, ")
             assert shown.frames_out > 10
             answered = asyncio.ensure_future(second.services.vehicle("px4-1").services.parameters.fetch(lambda _: None))
             await until(lambda: any("--forward-both" in event.text for event in first.station.fleet.events))

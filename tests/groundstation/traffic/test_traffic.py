@@ -68,11 +68,10 @@ def reports(name: str, **fields: Any) -> list[TrafficReport]:
 
 def test_an_aircraft_is_read_with_what_its_flags_hold() -> None:
     [full] = reports("ADSB_VEHICLE", **aircraft(tslc=3, ver_velocity=-250, flags=31 + 128))
-    assert (full.key, full.name, full.altitude_m, full.climb_m_s, full.age_s) == (
+    assert (full.key, full.name, full.altitude_m, full.age_s) == (
         "adsb 4B1234",
         "SWR123",
         530.0,
-        -2.5,
         3.0,
     )
     assert full.velocity_ne_m_s == pytest.approx((-60.0, 0.0), abs=1e-9)
@@ -96,7 +95,7 @@ def test_remote_id_is_read_alone_and_in_packs() -> None:
         speed_horizontal=1200,
         speed_vertical=-150,
     )
-    assert (where.place, where.altitude_m, where.climb_m_s) == ((47.3977, 8.5456), 545.5, -1.5)
+    assert (where.place, where.altitude_m) == ((47.3977, 8.5456), 545.5)
     assert where.velocity_ne_m_s == pytest.approx((0.0, 12.0), abs=1e-9)
     basic = struct.pack("<BB20s3x", 0x02, 0x12, b"1581F5YHQ")
     location = struct.pack(
@@ -128,7 +127,6 @@ def test_remote_id_is_read_alone_and_in_packs() -> None:
     assert packed[0] == name
     assert packed[1].velocity_ne_m_s == pytest.approx((0.0, -10.0), abs=1e-9)
     assert packed[1][2:4] == where[2:4]
-    assert packed[1].climb_m_s == -1.5
 
 
 def test_the_vehicle_s_own_remote_id_is_no_traffic() -> None:
@@ -279,9 +277,12 @@ def test_the_overview_and_the_map_show_what_is_near() -> None:
     )
     shown = shown._replace(fleet=fleet)
     lines = texts(detail_lines(shown))
-    assert lines[-2:] == [
-        " traffic   SWR123: 400 m away, 30 m above, closing",
-        f"{' ' * 11}DRONE: 950 m away, 30 m above, closing",
+    blank = " " * 11
+    assert lines[-4:] == [
+        " traffic   SWR123: 400 m away, 30 m",
+        f"{blank}above, closing",
+        f"{blank}DRONE: 950 m away, 30 m",
+        f"{blank}above, closing",
     ]
     drawn = "\n".join(
         texts(map_lines(Chart(shown, Ground(shown.platform), Projection(0.0, 0.0, 10.0, 0.0, 160, 160)), 80, 40))

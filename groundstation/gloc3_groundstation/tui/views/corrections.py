@@ -35,7 +35,7 @@ def correction_rows(view: StationView) -> list[tuple[str, Span]]:
     else:
         is_old = age_s > CORRECTIONS_OLD_S
         age = wording.duration(age_s) if is_old else f"{age_s:.1f} s"
-        text = f"{_fix(platform)}, {age} old, {corrections.rate_byte_s:.0f} B/s"
+        text = f"{_fix(platform)}, {age}, {corrections.rate_byte_s:.0f} B/s"
         tone = Tone.BAD if is_old else Tone.TEXT
         if corrections.problem and is_old:
             text += f": {corrections.problem}"

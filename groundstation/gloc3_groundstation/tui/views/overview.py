@@ -39,6 +39,8 @@ GOOD_PERCENT: Final = 50
 NARROW_ALERTS: Final = 60
 """Columns below which an alert's severity has no column of its own."""
 SEVERITY: Final = 9
+FACT_WIDTH: Final = 26
+"""Columns for a long fact, which goes on in the next line."""
 MOST_TRAFFIC: Final = 3
 """Lines of traffic."""
 TWO_COLUMNS: Final = 76
@@ -135,11 +137,12 @@ def _facts(view: StationView) -> list[Line]:
             snapshot.insert(0, ("failsafe" if vehicle.is_failsafe else "pilot", Span("HAS CONTROL", stale or Tone.BAD)))
         if vehicle.frame:
             snapshot.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
-    snapshot += correction_rows(view)
     snapshot += [(name[:10], Span(text)) for name, text in view.further]
     near = [one for one in view.fleet.encounters if one.platform == platform.name][:MOST_TRAFFIC]
-    for number, one in enumerate(near):
-        snapshot.append(("" if number else "traffic", Span(str(one), traffic_tone(one))))
+    traffic = [("" if number else "traffic", Span(str(one), traffic_tone(one))) for number, one in enumerate(near)]
+    for name, span in (*correction_rows(view), *traffic):
+        first, *more = wrapped(span.text, FACT_WIDTH)
+        snapshot += [(name, Span(first, span.tone)), *(("", Span(text, span.tone)) for text in more)]
     snapshot += [(name, reading_span(platform, name, now_s)) for name in READINGS]
     snapshot.append(("utc", Span(utc_text(now_s + view.fleet.utc_offset_s, "%H:%M:%S"), Tone.TEXT)))
     return [(Span(f" {name:<10}", Tone.DIM), span) for name, span in snapshot]

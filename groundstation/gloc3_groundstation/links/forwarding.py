@@ -147,14 +147,16 @@ class Forwarding:
         """Handles a frame that a link of vehicles has received."""
         if not self.links or frame.sender == self._own or frame.message_id == SETUP_SIGNING:
             return
-        if any(one.senders.has(frame.sender, now_s) for one in self.links):
-            return  # of the other station, which is connected to the vehicle in another way, too
-        self._senders.receive(frame.sender, link, now_s)
+        behind = [one for one in self.links if one.senders.has(frame.sender, now_s)]
+        if not behind:  # else it is another station, which is connected to the vehicle in another way, too
+            self._senders.receive(frame.sender, link, now_s)
         if not self._recent.is_new(frame.raw, now_s):
             self.looped += 1
             return
         target = target_of(frame)
         for one in self.links:
+            if one in behind:
+                continue
             if not target or (target != self._own.system and one.senders.places(target, now_s)):
                 one.send(frame.raw)
 

@@ -21,7 +21,7 @@ KEPT_S: Final = 45.0
 """Age at which a contact is dropped, s."""
 MOST_CONTACTS: Final = 200
 """So many are kept, those nearest to a vehicle: a peer may invent thousands."""
-MOST_FRAMES: Final = 1000
+MOST_FRAMES: Final = 500
 """Frames a second that are read; further ones are counted and dropped."""
 ANNOUNCE_AGAIN_S: Final = 60.0
 """The same encounter is an event again after this time, s."""
@@ -51,6 +51,10 @@ class Traffic:
         self._contacts: dict[str, TrafficContact] = {}
         self._names: dict[str, str] = {}
         """Of senders of Remote ID whose position has not come."""
+        self._planes: list[TangentPlane] = []
+        """At the vehicles, as of the last second."""
+        self._away_m: dict[str, float] = {}
+        """Distance of each contact to the nearest vehicle."""
         self._frames = 0
         self._announced: dict[tuple[str, str], tuple[Severity, float]] = {}
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
@@ -91,23 +95,19 @@ class Traffic:
             velocity_ne_m_s=report.velocity_ne_m_s,
             received_s=now_s - report.age_s,
         )
-        if known is None and len(self._contacts) >= MOST_CONTACTS and not self._make_room(contact):
+        away_m = _distance_m(contact, self._planes)
+        if known is None and len(self._contacts) >= MOST_CONTACTS and not self._make_room(away_m):
             self.dropped += 1
             return
-        self._contacts[report.key] = contact
+        self._contacts[report.key], self._away_m[report.key] = contact, away_m
 
-    def _make_room(self, newcomer: TrafficContact) -> bool:
-        """Drops the contact that is farthest from all vehicles; false where the newcomer is."""
-        planes = self._planes()
-        farthest = max((*self._contacts.values(), newcomer), key=lambda one: _distance_m(one, planes))
-        if farthest is newcomer or not planes:
+    def _make_room(self, away_m: float) -> bool:
+        """Drops the contact that is farthest from all vehicles; false where a newcomer at that distance is."""
+        farthest = max(self._away_m, key=self._away_m.__getitem__)
+        if away_m >= self._away_m[farthest]:
             return False
-        del self._contacts[farthest.key]
+        del self._contacts[farthest], self._away_m[farthest]
         return True
-
-    def _planes(self) -> list[TangentPlane]:
-        vehicles = (platform.vehicle for platform in self._station.fleet)
-        return [TangentPlane(GeoPoint(*one.value.geo)) for one in vehicles if one is not None and one.value.geo]
 
     def _poll(self) -> None:
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
@@ -119,7 +119,10 @@ class Traffic:
         self._frames = 0
         self._names.clear()
         now_s = self._station.now_s()
+        vehicles = (platform.vehicle for platform in self._station.fleet)
+        self._planes = [TangentPlane(GeoPoint(*one.value.geo)) for one in vehicles if one is not None and one.value.geo]
         self._contacts = {key: one for key, one in self._contacts.items() if now_s - one.received_s < KEPT_S}
+        self._away_m = {key: _distance_m(one, self._planes) for key, one in self._contacts.items()}
         self._station.change(self._shown)
         for encounter in self._station.fleet.encounters:
             self._announce(encounter, now_s)

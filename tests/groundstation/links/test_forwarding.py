@@ -119,7 +119,12 @@ def test_what_comes_back_is_not_sent_again() -> None:
     rig.heard(beat, line=1)  # the vehicle's router passes it on to us
     assert rig.away.sent == [raw]
     assert [line.sent for line in rig.lines] == [[beat], [beat]]
-    assert rig.forwarding.looped == 3
+    assert rig.forwarding.looped == 4
+    second, away = ForwardLink(is_both=False), Away()
+    second.endpoint = away  # type: ignore[assignment] # the part that is used
+    rig.forwarding.links.append(second)
+    rig.heard(rig.raw(OTHER), line=1)
+    assert len(away.sent) == 1, "a third station gets it"
     rig.now_s += REPEAT_S + 0.1
     rig.heard(raw)
     assert rig.away.sent == [raw, raw], "after so long it is another one"

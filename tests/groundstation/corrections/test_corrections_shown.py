@@ -36,7 +36,8 @@ def with_corrections(corrections: CorrectionsSnapshot | None, autopilot: Autopil
 def rows(corrections: CorrectionsSnapshot | None) -> list[str]:
     lines = [line.removeprefix(" ").rstrip() for line in texts(detail_lines(with_corrections(corrections)))]
     start = next((number for number, line in enumerate(lines) if line.startswith("rtk")), len(lines))
-    return [line.split(None, 1)[-1] if number == 0 else line.strip() for number, line in enumerate(lines[start:])]
+    end = next(number for number, line in enumerate(lines) if line.startswith("charge"))
+    return [line.split(None, 1)[-1] if number == 0 else line.strip() for number, line in enumerate(lines[start:end])]
 
 
 def test_the_overview_shows_fix_age_rate_base_and_types() -> None:

@@ -278,7 +278,8 @@ def test_the_overview_and_the_map_show_what_is_near() -> None:
     shown = shown._replace(fleet=fleet)
     lines = texts(detail_lines(shown))
     blank = " " * 11
-    assert lines[-4:] == [
+    first = next(number for number, line in enumerate(lines) if line.startswith(" traffic"))
+    assert lines[first : first + 4] == [
         " traffic   SWR123: 400 m away, 30 m",
         f"{blank}above, closing",
         f"{blank}DRONE: 950 m away, 30 m",

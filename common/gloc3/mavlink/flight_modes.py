@@ -29,6 +29,27 @@ _PX4_MODES: Final = {
     (8, 0): "RATTITUDE",
 }
 """Main and sub mode (`px4_custom_mode.h`); a sub mode that is not listed has its main mode's name."""
+PX4_MODE_WORDS: Final[Mapping[str, str]] = {
+    "MANUAL": "Manual",
+    "ALTCTL": "Altitude",
+    "POSCTL": "Position",
+    "AUTO.READY": "Ready",
+    "AUTO.TAKEOFF": "Takeoff",
+    "AUTO.LOITER": "Hold",
+    "AUTO.MISSION": "Mission",
+    "AUTO.RTL": "Return",
+    "AUTO.LAND": "Land",
+    "AUTO.FOLLOW": "Follow Me",
+    "AUTO.PRECLAND": "Precision Land",
+    "AUTO.VTOL_TAKEOFF": "VTOL Takeoff",
+    "ACRO": "Acro",
+    "OFFBOARD": "Offboard",
+    "STABILIZED": "Stabilized",
+    "RATTITUDE": "Rattitude",
+}
+"""PX4's modes by the names of its own documents."""
+_AMBIGUOUS: Final = frozenset({"MANUAL", "ACRO"})
+"""Names that ArduPilot has, too."""
 _PLANES: Final = frozenset({1, 16, *range(19, 26)})
 _ROVERS: Final = frozenset({10, 11})
 _SUBMARINE: Final = 12
@@ -53,6 +74,19 @@ def mode_name(autopilot: int, vehicle_type: int, custom_mode: int) -> str:
     family = _family(vehicle_type)
     name, prefix = enum_name(f"{family}_MODE", custom_mode), f"{family}_MODE_"
     return name.removeprefix(prefix) if name.startswith(prefix) and not name.endswith("_END") else unknown
+
+
+def mode_words(name: str, autopilot: str = "") -> str:
+    """A mode as people read it: PX4's by the names of its documents, ArduPilot's by its own; `Mission, on wings`.
+
+    Args:
+        name: as `mode_name` gives it, perhaps with what carries a VTOL.
+        autopilot: as `autopilot_name` gives it; empty where it is not known.
+    """
+    mode, comma, rest = name.partition(",")
+    if autopilot == "ArduPilot" or (mode in _AMBIGUOUS and autopilot != "PX4"):
+        return name
+    return PX4_MODE_WORDS.get(mode, mode) + comma + rest
 
 
 def _family(vehicle_type: int) -> str:

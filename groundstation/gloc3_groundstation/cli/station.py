@@ -42,7 +42,7 @@ app = App(
 
     - `3`, then `o`: opens a mission; the digits are the screens
     - `8`: shows whether it may start, and if not, what to do
-    - `s`: streams it and starts it, after a confirmation
+    - `s`: uploads it and starts it, after a confirmation
     - `p` pauses, `r` resumes, `a` aborts
     - `space`: the vehicle holds at once, on every screen
     - `?` explains the screen and its keys, `^p` finds every command by name, `q` quits
@@ -50,7 +50,7 @@ app = App(
     For example:
 
     - `gloc3 station`: watch all vehicles in reach
-    - `gloc3 station --mission inspection`: stream a mission; the key s starts it
+    - `gloc3 station --mission inspection`: upload a mission; the key s starts it
     - `gloc3 station --headless --mission my.yaml --json`: fly it from a script; stdout is data, stderr is narration
     - `gloc3 station --headless --mission my.yaml --command pause@30s --command resume@40s`: command it from a script
     - `gloc3 station --headless --platform 1 --do arm --do "take_off 5" --do land`: command a vehicle without a companion
@@ -113,7 +113,7 @@ class StationOptions:
     """With --headless and a --mission or --do: take control from another station without asking it, if there is one;
     a line states from which. Otherwise that station is asked, and has 10 s to grant it."""
     at_contact: Annotated[bool, FLAG] = False
-    """With --headless: stream the mission at the next contact with --platform, without a time limit, and do not
+    """With --headless: upload the mission at the next contact with --platform, without a time limit, and do not
     start it. In the terminal the key u queues it while the vehicle is out of contact."""
     wait: float = 60.0
     """With --headless: give up without contact to the platform within this time, s; it may take the same time again

@@ -11,6 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.errors import Gloc3Error, NoContact, Refused, nearest
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import VehicleSummary
 from gloc3.messages.vehicle import LandedState
@@ -209,7 +210,8 @@ class VehicleCommands:
         if vehicle is None:
             return "its state is unknown"
         one = vehicle.value
-        return f"{wording.arming(one)}, mode {one.mode or 'unknown'}, {wording.position(one)}"
+        mode = wording.mode_detail(self._known(name)) or "unknown"
+        return f"{wording.arming(one)}, mode {mode}, {wording.position(one)}"
 
 
 def shows(vehicle: VehicleSummary, command: VehicleCommand, values: tuple[float, ...], vehicle_type: str) -> bool:
@@ -239,7 +241,7 @@ def shows(vehicle: VehicleSummary, command: VehicleCommand, values: tuple[float,
         case Action.GO_TO:
             return _is_at(vehicle, values, NEAR_WINGS_M if has_wings else NEAR_M)
         case Action.MODE:
-            return _mode(vehicle) == command.typed
+            return command.typed.lower() in (_mode(vehicle).lower(), mode_words(_mode(vehicle), "PX4").lower())
         case Action.START_PLAN:
             return _mode(vehicle) in PLANS
         case Action.SPEED | Action.REBOOT:

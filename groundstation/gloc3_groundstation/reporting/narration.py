@@ -77,7 +77,7 @@ class ChangeNarrator:
         )
         parts = [wording.components(platform, now_s), *([_mission_text(mission)] if mission is not None else [])]
         if vehicle is not None:
-            parts += [_mode(vehicle), wording.arming(vehicle), wording.battery(vehicle)]
+            parts += [_mode(platform), wording.arming(vehicle), wording.battery(vehicle)]
         if data.holder:
             parts.append(f"station {data.holder} in control")
         yield self.line(platform.name, "health", "; ".join(parts), now_s, data)
@@ -127,7 +127,7 @@ class ChangeNarrator:
         if previous is None or (previous.is_armed, previous.landed) != (new.is_armed, new.landed):
             parts.append(wording.arming(new))
         if previous is None or previous.mode != new.mode:
-            parts.append(_mode(new))
+            parts.append(_mode(platform))
         if (previous is not None and previous.has_pilot_control) != new.has_pilot_control:
             parts.append(
                 f"{wording.controller(new)} has control"
@@ -204,8 +204,9 @@ def _mission_text(mission: MissionSummary) -> str:
     return text + (f" ({mission.reason})" if mission.reason else "")
 
 
-def _mode(vehicle: VehicleSummary) -> str:
-    return f"mode {vehicle.mode}" if vehicle.mode else "mode unknown"
+def _mode(platform: PlatformSnapshot) -> str:
+    words = wording.mode(platform)
+    return f"mode {words}" if words else "mode unknown"
 
 
 def _event(severity: Severity, source: str, text: str) -> EventData:

@@ -5,15 +5,18 @@ way, where MAVSDK's process has to be started first (2 to 3 s) and knows no such
 Everything else goes by MAVSDK's plugins.
 """
 
+from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from enum import StrEnum
 from typing import Final
 
 from gloc3.errors import Refused, nearest
-from gloc3.mavlink.flight_modes import ARDUPILOT, PX4, mode_numbers
+from gloc3.mavlink.flight_modes import ARDUPILOT, PX4, PX4_MODE_WORDS, autopilot_name, mode_numbers, mode_words
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import MavCommandClient
+from gloc3.mavlink.services.statustext import StatusText
+from gloc3.messages.envelope import Severity
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.mavsdk.behind_link import MavsdkBehindLink
 from gloc3_groundstation.services.mavsdk.messages import Plugin
@@ -66,6 +69,11 @@ QUADPLANES: Final = frozenset(range(19, 26))
 """MAV_TYPE_VTOL_…"""
 HEARD_S: Final = 3.0
 """Longest time for a heartbeat to come, s."""
+TEXT_WAIT_S: Final = 0.4
+"""Time for the autopilot's own reason to come after a refusal, s."""
+TEXT_BEFORE_S: Final = 0.2
+"""Lead of the autopilot's own reason over the command's begin, as links delay it, s."""
+MOST_REASONS: Final = 2
 
 
 class ActionService:
@@ -82,6 +90,9 @@ class ActionService:
         self, machines: Machines, commands: MavCommandClient, mavsdk: MavsdkBehindLink, snapshots: SnapshotService
     ) -> None:
         self._machines, self._commands, self._mavsdk, self._snapshots = machines, commands, mavsdk, snapshots
+        self._texts: deque[tuple[float, str]] = deque(maxlen=16)
+        """The autopilot's last warnings, each with its time."""
+        machines.on_event(self._receive_event)
 
     async def act(self, action: Action, *arguments: float) -> None:
         """Commands the vehicle.
@@ -96,6 +107,13 @@ class ActionService:
         """
         _check(action, arguments)
         await self._heard()
+        begin_s = self._machines.now_s
+        try:
+            await self._act(action, *arguments)
+        except Refused as refusal:
+            raise Refused(await self._explained(str(refusal), begin_s)) from None
+
+    async def _act(self, action: Action, *arguments: float) -> None:
         snapshot = self._snapshots.snapshot
         if action in (*RESTS, Action.RETURN, Action.LAND):
             await self._rest(Action.HOLD if action in RESTS else action)
@@ -114,7 +132,7 @@ class ActionService:
     async def _prepare(self) -> None:
         """Arms for a take-off: ArduPilot takes off on command in GUIDED alone."""
         if self._snapshots.snapshot.firmware is Firmware.ARDUPILOT:
-            await self.set_mode("GUIDED")
+            await self._set_mode("GUIDED")
         if not self._snapshots.snapshot.is_armed:
             await self._mavsdk.act(Plugin.ARM)
 
@@ -145,22 +163,51 @@ class ActionService:
     async def _first_of(self, modes: tuple[str, ...]) -> None:
         for mode in modes[:-1]:
             with suppress(Refused):
-                await self.set_mode(mode)
+                await self._set_mode(mode)
                 return
-        await self.set_mode(modes[-1])
+        await self._set_mode(modes[-1])
+
+    def _receive_event(self, event: object) -> None:
+        """Keeps the autopilot's warnings: among them is the reason of a refusal."""
+        if isinstance(event, StatusText) and event.severity <= Severity.WARNING:
+            text = event.text.strip()
+            if text and event.sender == self._snapshots.snapshot.address:
+                self._texts.append((self._machines.now_s, text))
+
+    async def _explained(self, refusal: str, begin_s: float) -> str:
+        """A refusal with the autopilot's own reasons, which come at about the same time."""
+        machines = self._machines
+        end_s = machines.now_s + TEXT_WAIT_S
+        timer = machines.loop.call_later(TEXT_WAIT_S, machines.settle)
+        try:
+            await machines.until(lambda: machines.now_s >= end_s)
+        finally:
+            timer.cancel()
+        said = dict.fromkeys(text for at_s, text in self._texts if at_s >= begin_s - TEXT_BEFORE_S)
+        new = [text for text in said if text not in refusal]
+        return f"{refusal}: {'; '.join(new[-MOST_REASONS:])}" if new else refusal
 
     async def set_mode(self, name: str) -> None:
-        """Sets a mode by the autopilot's own name for it.
+        """Sets a mode by the autopilot's own name for it, or by that of PX4's documents.
 
         Raises:
-            Refused: it has none of that name, or refuses it.
+            Refused: it has none of that name, or refuses it; with the autopilot's own reason.
         """
         await self._heard()
+        begin_s = self._machines.now_s
+        try:
+            await self._set_mode(name)
+        except Refused as refusal:
+            raise Refused(await self._explained(str(refusal), begin_s)) from None
+
+    async def _set_mode(self, name: str) -> None:
         snapshot = self._snapshots.snapshot
         autopilot = {Firmware.PX4: PX4, Firmware.ARDUPILOT: ARDUPILOT}.get(snapshot.firmware)
         if autopilot is None:
             raise Refused("the modes of this firmware are not known")
         numbers = mode_numbers(autopilot, snapshot.vehicle_type).numbers
+        if autopilot == PX4:
+            name = next((raw for raw, words in PX4_MODE_WORDS.items() if words.lower() == name.lower()), name)
         if name not in numbers:
             raise Refused(f"it has no mode {name!r}; {nearest(name, sorted(numbers))}")
         custom = numbers[name]
@@ -172,7 +219,9 @@ class ActionService:
         finally:
             self._commands.abandon(call)
         if call.result is not CommandResult.ACCEPTED:
-            raise Refused(f"mode {name}: {call.result.words if call.result is not None else 'cancelled'}")
+            raise Refused(
+                f"mode {mode_words(name, autopilot_name(autopilot))}: {call.result.words if call.result is not None else 'cancelled'}"
+            )
 
 
 def _check(action: Action, arguments: tuple[float, ...]) -> None:

@@ -8,6 +8,7 @@ from gloc3.mavlink.services.files.ftp_client import FtpClient
 from gloc3.mavlink.services.files.log_client import LogClient
 from gloc3.mavlink.services.mission_client import MissionClient
 from gloc3.mavlink.services.parameter_client import ParameterClient
+from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.shell import ShellClient
 from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.calibrations import CalibrationService
@@ -47,7 +48,7 @@ class VehicleServices:
         self.machines: Final = Machines(
             wire,
             target.system,
-            [commands, parameters, files, logs, mission, metadata, shell, self._snapshots],
+            [commands, parameters, files, logs, mission, metadata, shell, self._snapshots, StatusTextReceiver(own)],
             received=meter.count,
         )
         self.ftp: Final = files

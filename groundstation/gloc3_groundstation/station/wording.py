@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from gloc3.exchange.acoustic import action_of
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import ContactSummary, Health, MissionSummary, VehicleSummary
 from gloc3.messages.vehicle import LandedState
@@ -97,6 +98,21 @@ def position(vehicle: VehicleSummary) -> str:
 def tenths(value: float) -> str:
     """`4.2`, and never `-0.0`."""
     return f"{round(value, 1) + 0.0:.1f}"
+
+
+def mode(platform: PlatformSnapshot) -> str:
+    """The autopilot's mode by the name of its documents: `Hold`, `GUIDED`; empty while it is not known."""
+    if platform.vehicle is None:
+        return ""
+    return mode_words(
+        platform.vehicle.value.mode, platform.autopilot.firmware if platform.autopilot is not None else ""
+    )
+
+
+def mode_detail(platform: PlatformSnapshot) -> str:
+    """The same with the raw name behind it, where it differs: `Hold (AUTO.LOITER)`."""
+    words, raw = mode(platform), "" if platform.vehicle is None else platform.vehicle.value.mode
+    return words if words == raw else f"{words} ({raw.partition(',')[0]})"
 
 
 def battery(vehicle: VehicleSummary) -> str:

@@ -5,11 +5,11 @@ from typing import Final
 from textual.binding import Binding, BindingType
 
 MISSION_KEYS: Final[list[BindingType]] = [
-    Binding("s", "app.move('start')", "Start", tooltip="the mission; streamed first if needed"),
+    Binding("s", "app.move('start')", "Start", tooltip="the mission; uploaded first if needed"),
     Binding("p", "app.move('pause')", "Pause"),
     Binding("r", "app.move('resume')", "Resume"),
     Binding("a", "app.move('abort')", "Abort", tooltip="cancels all actions, then runs on_failure; asks first"),
-    Binding("u", "app.move('stream')", "Upload", tooltip="streams the open mission"),
+    Binding("u", "app.move('stream')", "Upload", tooltip="uploads the open mission"),
     Binding("c", "app.move('control')", "Control", tooltip="requests control of the vehicle in view"),
 ]
 """Steering the mission of the vehicle in view."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gloc3.mavlink.flight_modes import autopilot_name, mode_name, type_name
+from gloc3.mavlink.flight_modes import autopilot_name, mode_name, mode_words, type_name
 
 
 @pytest.mark.parametrize(
@@ -22,6 +22,27 @@ from gloc3.mavlink.flight_modes import autopilot_name, mode_name, type_name
 )
 def test_a_mode_has_the_name_that_its_firmware_gives_it(autopilot: int, kind: int, number: int, name: str) -> None:
     assert mode_name(autopilot, kind, number) == name
+
+
+@pytest.mark.parametrize(
+    ("raw", "autopilot", "words"),
+    [
+        ("AUTO.LOITER", "", "Hold"),
+        ("AUTO.RTL", "PX4", "Return"),
+        ("AUTO.MISSION, on wings", "PX4", "Mission, on wings"),
+        ("POSCTL", "", "Position"),
+        ("OFFBOARD", "PX4", "Offboard"),
+        ("MANUAL", "PX4", "Manual"),
+        ("MANUAL", "ArduPilot", "MANUAL"),
+        ("MANUAL", "", "MANUAL"),
+        ("GUIDED", "", "GUIDED"),
+        ("mode 99", "PX4", "mode 99"),
+    ],
+)
+def test_px4s_modes_have_the_names_of_its_documents_and_ardupilots_their_own(
+    raw: str, autopilot: str, words: str
+) -> None:
+    assert mode_words(raw, autopilot) == words
 
 
 def test_autopilots_and_vehicles_have_names() -> None:

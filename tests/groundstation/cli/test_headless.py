@@ -144,7 +144,7 @@ def test_a_station_that_joins_late_first_tells_the_vehicle_s_health() -> None:
     run_virtual(main())
     own = [line for line in reported if line.platform == "heron" and line.text != "is heard"]
     assert own[0].text == (
-        "3 components faulty: height, pose, limiter; mission 'other': running; mode OFFBOARD; armed, in air; "
+        "3 components faulty: height, pose, limiter; mission 'other': running; mode Offboard; armed, in air; "
         "battery 97 %; station 254 in control"
     )
     assert isinstance(own[0].data, HealthData)

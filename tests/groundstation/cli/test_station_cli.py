@@ -130,7 +130,7 @@ def test_the_help_teaches_a_first_flight_with_keys_that_are_so(capsys: pytest.Ca
     for words in (
         "3, then o: opens",
         "8: shows whether",
-        "s: streams it and starts it",
+        "s: uploads it and starts it",
         "p pauses, r resumes, a aborts",
     ):
         assert words in reported

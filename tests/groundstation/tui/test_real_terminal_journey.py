@@ -49,7 +49,7 @@ def journey(screen: RealTerminal, folder: Path) -> None:
     screen.press("s")
     until(screen, "Start look around on pelican?", "y  start")
     screen.press("y")
-    until(screen, "ARMED", "OFFBOARD", "running")
+    until(screen, "ARMED", "Offboard", "running")
     screen.press("p")
     until(screen, "= look", "paused")
     screen.press("r")

@@ -200,7 +200,7 @@ async def test_the_station_runs_on_when_its_window_is_closed_and_is_whole_for_th
                 await asyncio.sleep(0.01)
         here.platform.fly(mode="OFFBOARD")
         async with here.page(80, 24) as page:
-            await page.until("heron   OFFBOARD")
+            await page.until("heron   Offboard")
             await page.until("the data flows from end to end")
             assert here.reported[-1] == "the station is shown to 127.0.0.1"
 

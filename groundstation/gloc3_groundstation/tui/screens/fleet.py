@@ -29,7 +29,7 @@ QUESTIONS = {
     Order.PAUSE: "Pause the missions of {}?",
     Order.RESUME: "Resume the missions of {}?\nEach continues where it was paused.",
     Order.LAND: "Land now, where they are: {}?",
-    Order.START: "Start: {}?\nThe open mission is streamed first if needed. They arm and take off.",
+    Order.START: "Start: {}?\nThe open mission is uploaded first if needed. They arm and take off.",
 }
 SINGLE_VEHICLE_ORDERS = (Order.LAND, Order.START)
 """Orders that also require confirmation for the selected vehicle; for marked ones all do."""
@@ -58,7 +58,7 @@ class FleetScreen(StationScreen):
         Binding("p", "order('pause')", "Pause"),
         Binding("r", "order('resume')", "Resume"),
         Binding("l", "order('land')", "Land", tooltip="here and now, as the emergency key does"),
-        Binding("s", "order('start')", "Start", tooltip="streams the open mission if needed, and starts it"),
+        Binding("s", "order('start')", "Start", tooltip="uploads the open mission if needed, and starts it"),
         Binding("c", "control('request')", "Control", tooltip="requests control of the vehicle in view"),
         Binding("g", "control('grant')", "Grant", tooltip="gives control to the requesting station"),
         Binding("f", "control('refuse')", "Refuse", tooltip="keeps control; the requesting station is notified"),

@@ -44,14 +44,14 @@ class MissionScreen(StationScreen):
     mission, a task or an action, and the keys that pause, resume, skip, retry and abort apply to that item; if the item
     is over, pause and resume apply to the mission.
 
-    Start streams the open mission first, if needed. Pause ends every motion in a hold; resume continues from there.
+    Start uploads the open mission first, if needed. Pause ends every motion in a hold; resume continues from there.
     Skip leaves out the item, and what follows it runs. Abort cancels, then runs the mission's on_failure policy.
 
     The text is checked while you type, for the vehicle in view. Plans of QGroundControl and waypoint files are
     converted to mission YAML when opened; a file name that ends in .plan or .waypoints exports the mission, after
     listing what such a file cannot hold. Single actions run outside the mission."""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("s", "app.move('start')", "Start", tooltip="the mission; streamed first if needed"),
+        Binding("s", "app.move('start')", "Start", tooltip="the mission; uploaded first if needed"),
         Binding("p", "steer('pause')", "Pause", tooltip="the item under the cursor; the mission, if it is over"),
         Binding("r", "steer('resume')", "Resume"),
         Binding("k", "steer('skip')", "Skip", tooltip="skips it; what follows it runs"),
@@ -59,7 +59,7 @@ class MissionScreen(StationScreen):
         Binding("a", "steer('abort')", "Abort", tooltip="cancels it, then runs on_failure; asks first"),
         Binding("o", "open", "Open", tooltip="a mission file, a plan, waypoints or an example"),
         Binding("e", "text", "Edit", tooltip="the text of the open mission, with findings"),
-        Binding("u", "app.move('stream')", "Upload", tooltip="streams the open mission"),
+        Binding("u", "app.move('stream')", "Upload", tooltip="uploads the open mission"),
         Binding("x", "withdraw", "Withdraw", show=False, tooltip="withdraws the last mission queued for contact"),
         Binding("d", "single", "Do", tooltip="requests a single action outside the mission"),
         Binding("m", "other", "Other", tooltip="the mission on the vehicle, or the open one"),

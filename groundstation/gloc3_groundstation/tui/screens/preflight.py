@@ -34,9 +34,9 @@ class PreflightScreen(StationScreen):
     reason, which is logged onboard with your name. Warnings and unknown lines do not refuse the start."""
     BINDINGS = [
         Binding("r", "refresh", "Refresh", tooltip="refreshes the list"),
-        Binding("s", "app.move('start')", "Start", tooltip="the mission; streamed first if needed"),
+        Binding("s", "app.move('start')", "Start", tooltip="the mission; uploaded first if needed"),
         Binding("o", "override", "Override", tooltip="starts despite red lines, with a typed reason"),
-        Binding("u", "app.move('stream')", "Upload", tooltip="streams the open mission"),
+        Binding("u", "app.move('stream')", "Upload", tooltip="uploads the open mission"),
         Binding("c", "app.move('control')", "Control", tooltip="requests control of the vehicle in view"),
     ]
     AUTO_FOCUS = "#checks"

@@ -50,7 +50,7 @@ def title_line(view: StationView, width: int) -> Line:
         vehicle = platform.vehicle.value
         is_stale = platform.vehicle.is_stale(view.now_s)
         was = "was " if is_stale else ""
-        parts.append((2, _span(f"{was}{vehicle.mode or 'mode unknown'}", Tone.TEXT, is_stale)))
+        parts.append((2, _span(f"{was}{wording.mode(platform) or 'mode unknown'}", Tone.TEXT, is_stale)))
         armed = "ARMED" if vehicle.is_armed else wording.armed(vehicle)
         parts.append((1, _span(armed, Tone.BUSY if vehicle.is_armed else Tone.DIM, is_stale)))
         parts.append((BATTERY_RANK, _span(*battery(vehicle.battery_percent), is_stale)))

@@ -130,6 +130,7 @@ def _facts(view: StationView) -> list[Line]:
             ("gps", reading_span(platform, "gps", now_s)),
             ("flight", _flight(platform, now_s)),
             ("from", _source(vehicle, stale)),
+            ("mode", Span(wording.mode_detail(platform) or ABSENT, stale or Tone.TEXT)),
         ]
         if not vehicle.is_autopilot_connected:
             snapshot.insert(0, ("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
@@ -275,7 +276,7 @@ def vehicle_cells(platform: PlatformSnapshot, now_s: float) -> Sequence[Span]:
         return Span("?", Tone.STALE), Span("not known yet", Tone.STALE), Span("?", Tone.STALE)
     vehicle = platform.vehicle.value
     level, tone = _battery(vehicle.battery_percent)
-    mode = Span(vehicle.mode or "?")
+    mode = Span(wording.mode(platform) or "?")
     state = Span(_state(vehicle), Tone.BUSY if vehicle.is_armed else Tone.DIM)
     return _aged((mode, state, Span(level, tone)), platform.vehicle, now_s)
 

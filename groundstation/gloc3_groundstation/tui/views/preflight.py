@@ -21,7 +21,7 @@ GROUP: Final = 11
 VERDICT: Final = 10
 NAME: Final = 20
 NOT_LOADED: Final = f"{Group.MISSION}: loaded"
-STREAM_IT: Final = "u streams the open mission"
+STREAM_IT: Final = "u uploads the open mission"
 OPEN_ONE: Final = "open one: 3, then o"
 STALE_S: Final = 60.0
 """Age from which a list is marked as old."""

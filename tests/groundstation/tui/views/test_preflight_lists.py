@@ -122,7 +122,7 @@ def test_without_a_mission_no_key_is_offered_that_would_do_nothing() -> None:
     assert text_of(preflight_headline(HERON, bad, 80, can_start=False)).strip() == "1 line is red: the start is refused"
     none = fine._replace(checks=(Check(Group.MISSION, "loaded", Verdict.UNKNOWN, "none is loaded", "stream one"),))
     assert "→ open one: 3, then o" in text_of(preflight_rows(none, 80)[1].line)
-    assert "→ u streams the open mission" in text_of(preflight_rows(none, 80, has_plan=True)[1].line)
+    assert "→ u uploads the open mission" in text_of(preflight_rows(none, 80, has_plan=True)[1].line)
 
 
 def test_of_a_vehicle_without_a_companion_no_list_is_waited_for() -> None:

@@ -1,0 +1,44 @@
+"""Refusals of a bare vehicle: with the autopilot's own reason, which it sends as a status text."""
+
+import pytest
+from tests.groundstation.services.scripted_vehicle import PX4, Scene, over
+
+from gloc3.errors import Refused
+from gloc3.mavlink.services.command import CommandResult
+from gloc3.mavlink.services.command_server import MavCommandRequest
+from gloc3_groundstation.services.actions import DO_SET_MODE, Action
+
+
+@pytest.mark.parametrize("is_early", [True, False])
+def test_a_refusal_has_the_autopilots_own_reason_and_none_of_another_moment(is_early: bool) -> None:
+    async def play(scene: Scene) -> None:
+        vehicle, loop = scene.vehicle, scene.services.machines.loop
+
+        def say(text: str, severity: int) -> None:
+            vehicle.texts.send(severity, text)
+            vehicle.runner.settle()
+
+        def refuse(request: MavCommandRequest) -> CommandResult | None:
+            if request.command != DO_SET_MODE:
+                return None
+            for text, severity in (("PreArm: Compass not calibrated\t", 4), ("by the way", 6)):
+                if is_early:
+                    say(text, severity)
+                else:
+                    loop.call_later(0.1, say, text, severity)
+            return CommandResult.DENIED
+
+        vehicle.answer = refuse
+        await scene.pass_s(2.0)
+        say("low battery", 2)
+        await scene.pass_s(2.0)
+        with pytest.raises(Refused) as refusal:
+            await scene.services.actions.act(Action.HOLD)
+        assert str(refusal.value) == f"mode Hold: {CommandResult.DENIED.words}: PreArm: Compass not calibrated"
+        vehicle.answer = lambda request: CommandResult.DENIED if request.command == DO_SET_MODE else None
+        await scene.pass_s(2.0)
+        with pytest.raises(Refused) as refusal:
+            await scene.services.actions.set_mode("mission")
+        assert str(refusal.value) == f"mode Mission: {CommandResult.DENIED.words}"
+
+    over(play, autopilot=PX4)

@@ -165,6 +165,7 @@ class Session:
                 ),
                 waiting_for=ground.links.describe,
             )
+            app.desk.keep = lambda: keep(app.configuration())
             if requested.problem:
                 station.note("", Severity.WARNING, requested.problem)
             gc.freeze()  # what is loaded stays: a search for garbage among it would hold keys up for a tenth of a second

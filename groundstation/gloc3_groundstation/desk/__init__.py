@@ -15,6 +15,7 @@ __all__ = [
     "preflight_desk",
     "service_jobs",
     "services_desk",
+    "stick_flight",
     "teleoperation",
     "vehicle_commands",
     "vehicle_desk",

@@ -23,6 +23,9 @@ EMERGENCIES: Final = {
 }
 
 
+KEEP_THE_MODE: Final = frozenset({Action.ARM, Action.DISARM, Action.SPEED, Action.REBOOT})
+
+
 class ActionOffer(NamedTuple):
     """A command as an operator sees it."""
 
@@ -59,6 +62,7 @@ class AutopilotDesk:
 
     def __init__(self, station: Station, services: ServicesDesk) -> None:
         self._station, self._services = station, services
+        self._mode_changes: dict[str, int] = {}
 
     def is_its_own(self, platform: PlatformSnapshot) -> bool:
         """Whether the vehicle is commanded through its autopilot: it has no companion, or that is silent, and it is heard."""
@@ -87,6 +91,10 @@ class AutopilotDesk:
             return False
         return True
 
+    def mode_changes(self, name: str) -> int:
+        """How many commands that change its mode this station has sent to a vehicle: its heartbeat tells it later."""
+        return self._mode_changes.get(name, 0)
+
     async def command(self, name: str, action: Action, typed: str = "") -> None:
         """Commands a vehicle, whose autopilot has accepted it at the end.
 
@@ -99,7 +107,9 @@ class AutopilotDesk:
             Refused: this station may not, a value is wrong, or the autopilot refuses.
         """
         platform = self._station.fleet.get(name)
-        self._require_control(platform, action)
+        self.require_control(platform, action)
+        if action not in KEEP_THE_MODE:
+            self._mode_changes[name] = self.mode_changes(name) + 1
         if platform is not None and platform.has_companion:
             self._station.note(name, Severity.WARNING, BY_ITSELF)
         services = self._services.vehicle(name).services
@@ -109,7 +119,7 @@ class AutopilotDesk:
             await services.actions.act(action, *values_of(action, typed, platform))
         self._station.note(name, Severity.NOTICE, f"{in_words(action, typed)}: accepted by the autopilot")
 
-    def _require_control(self, platform: PlatformSnapshot | None, action: Action) -> None:
+    def require_control(self, platform: PlatformSnapshot | None, action: Action) -> None:
         """Checks who asks: in place of a silent companion the station that was in control, and every operator for hold.
 
         Raises:

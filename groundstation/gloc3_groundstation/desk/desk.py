@@ -1,7 +1,7 @@
 """The operator's desk: available requests to a platform, and sending them with the outcome as an event."""
 
 import asyncio
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from enum import StrEnum
 from typing import Final
 
@@ -99,6 +99,8 @@ class Desk:
         """The device of a joystick; empty for every joystick."""
         self.joysticks: dict[str, JoystickMapping] = {}
         """Mappings of joysticks, by the key of the device."""
+        self.keep: Callable[[], bool] = lambda: False
+        """Writes the configuration file; returns whether it could be written."""
         self._streamed: dict[str, tuple[int, str]] = {}
         self._far_ok: set[tuple[str, str]] = set()
         """Platforms and missions whose distance the operator has confirmed."""

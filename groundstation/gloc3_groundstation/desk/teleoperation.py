@@ -65,6 +65,18 @@ class Hand(ABC):
             self._cancel()
             self._tick()
 
+    def rest(self) -> None:
+        """Sends the centred sticks from now on, before the key is held for the first time."""
+        self._releases = RELEASES
+        if self._timer is None:
+            self._tick()
+
+    def silence(self) -> None:
+        """Sends nothing any more, not even the release: somebody else commands the vehicle."""
+        self._kept_until_s = float("-inf")
+        self._releases = 0
+        self._cancel()
+
     def close(self) -> None:
         """Releases control, and repeats the release if it has not been sent often enough."""
         self._kept_until_s = float("-inf")

@@ -3,4 +3,12 @@
 Dialogues open a `reader` and steer by a `hand_on_joystick`; nothing else knows of devices.
 """
 
-__all__ = ["device", "hand_on_joystick", "listener", "mapping", "reader"]
+__all__ = [
+    "defaults",
+    "detection",
+    "device",
+    "hand_on_joystick",
+    "listener",
+    "mapping",
+    "reader",
+]

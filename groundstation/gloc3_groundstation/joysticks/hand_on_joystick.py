@@ -14,7 +14,7 @@ from gloc3_groundstation.joysticks.mapping import JoystickButton, JoystickMappin
 
 SILENT_S: Final = 0.3
 """Silence of a joystick after which its key counts as released, s."""
-TO_MAP: Final = "it has no mapping"
+TO_MAP: Final = "it has no mapping; j maps it"
 
 
 class Steered(Protocol):
@@ -65,6 +65,7 @@ class HandOnJoystick:
         self._steering: int | None = None
         self._silence: asyncio.TimerHandle | None = None
         self._is_open = True
+        self._failure = ""
 
     @property
     def is_held(self) -> bool:
@@ -93,7 +94,8 @@ class HandOnJoystick:
 
     def connected(self, number: int, device: JoystickDevice) -> None:
         """A joystick is found."""
-        self.problem = ""
+        if self.problem == self._failure:
+            self.problem = ""
         self._connected[number] = _Connected(device, self._mappings.get(device.key) or default_mapping(device))
 
     def disconnected(self, number: int, reason: str) -> None:
@@ -106,7 +108,7 @@ class HandOnJoystick:
 
     def failed(self, reason: str) -> None:
         """No joystick can be read."""
-        self.problem = reason
+        self.problem = self._failure = reason
 
     def moved(self, number: int, reading: JoystickReading) -> None:
         """Sticks count only while the dead-man's key is held, so that keys work beside a joystick at rest."""

@@ -18,5 +18,6 @@ __all__ = [
     "rates",
     "saving",
     "snapshot",
+    "sticks",
     "vehicle",
 ]

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gloc3.mavlink.message import Address
+from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.command_client import MavCommandClient
 from gloc3.mavlink.services.files.ftp_client import FtpClient
 from gloc3.mavlink.services.files.log_client import LogClient
@@ -51,6 +51,7 @@ class VehicleServices:
             [commands, parameters, files, logs, mission, metadata, shell, self._snapshots, StatusTextReceiver(own)],
             received=meter.count,
         )
+        self._wire = wire
         self.ftp: Final = files
         """Files of the vehicle's companion or autopilot."""
         self.target: Final = target
@@ -83,6 +84,10 @@ class VehicleServices:
     def snapshots(self) -> ServicesSnapshot:
         """What is known of the vehicle now."""
         return self._snapshots.snapshot
+
+    def send(self, message: MavlinkMessage) -> None:
+        """Sends a message that needs no answer."""
+        self._wire.send(message)
 
     async def learn(self) -> ServicesSnapshot:
         """Properties reported by the vehicle, requested if necessary; those that it does not report stay unknown."""

@@ -25,12 +25,12 @@ VEHICLES = {"px4": ("px4-1", "NAV_DLL_ACT", "PX4"), "ardupilot": ("ardupilot-1",
 
 
 @asynccontextmanager
-async def terminal(style: str, folder: Path) -> AsyncIterator[Scene]:
+async def terminal(style: str, folder: Path, *options: str) -> AsyncIterator[Scene]:
     """The station's terminal and the simulated vehicle, as `gloc3 station` and `gloc3 sitl` bring them up."""
     process = subprocess.Popen(
         [
             *(sys.executable, "-c", PROGRAM, "--world", "open", "--home", "47.3977,8.5456,488.0,0"),
-            *("--autopilot", style, "--link", "station=udpin://127.0.0.1:0"),
+            *("--autopilot", style, "--link", "station=udpin://127.0.0.1:0", *options),
         ],
         stderr=subprocess.PIPE,
         text=True,

@@ -3,4 +3,11 @@
 Each is a modal screen that returns an answer or None.
 """
 
-__all__ = ["component_dialogues", "mission_files", "questions", "single_action", "teleoperate"]
+__all__ = [
+    "component_dialogues",
+    "fly_by_sticks",
+    "mission_files",
+    "questions",
+    "single_action",
+    "teleoperate",
+]

@@ -24,6 +24,7 @@ from gloc3_groundstation.joysticks.hand_on_joystick import HandOnJoystick
 from gloc3_groundstation.joysticks.listener import JoystickReader
 from gloc3_groundstation.joysticks.mapping import JoystickButton
 from gloc3_groundstation.joysticks.reader import open_reader
+from gloc3_groundstation.tui.dialogues.map_joystick import MapJoystickDialogue
 from gloc3_groundstation.tui.dialogues.questions import choices
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, wrapped
@@ -57,6 +58,7 @@ class ByHandDialogue(ModalScreen[None]):
         Binding("right", "push('yaw', 1)", "Clockwise"),
         Binding("left", "push('yaw', -1)", "Anticlockwise"),
         Binding("z,0", "rest", "Rest"),
+        Binding("j", "map_joystick", "Map joystick"),
         Binding("escape", "leave", "Leave"),
     ]
     KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
@@ -64,6 +66,7 @@ class ByHandDialogue(ModalScreen[None]):
         ("↑ ↓ ← →", "up, down, turn: one step"),
         ("z", "centre all sticks"),
         ("space", "HOLD at once, as on all screens"),
+        ("j", "map a joystick"),
     )
     """What the keys do that all of them have in common."""
 
@@ -132,9 +135,13 @@ class ByHandDialogue(ModalScreen[None]):
 
     async def on_unmount(self) -> None:
         """Releases control and the joysticks, however it is closed."""
-        self._let_go()
-        if self._reader is not None:
-            await self._reader.close()
+        await self._close_joysticks()
+        self.let_go()
+
+    def let_go(self) -> None:
+        """Releases control."""
+        if self._hand is not None:
+            self._hand.close()
 
     def _open_joysticks(self) -> None:
         """Listens to the joysticks."""
@@ -144,12 +151,14 @@ class ByHandDialogue(ModalScreen[None]):
         self._joystick = HandOnJoystick(loop, steered, self._desk.joysticks, self.joystick_button)
         self._reader = open_reader(self._desk.gamepad, self._joystick)
 
-    def _let_go(self) -> None:
+    async def _close_joysticks(self) -> None:
+        """Releases the joysticks, and listens no more."""
         if self._joystick is not None:
             self._joystick.close()
             self._joystick = None
-        if self._hand is not None:
-            self._hand.close()
+        reader, self._reader = self._reader, None
+        if reader is not None:
+            await reader.close()
 
     def action_go(self) -> None:
         """Asks the vehicle for it; then this is the dead-man's key."""
@@ -175,11 +184,18 @@ class ByHandDialogue(ModalScreen[None]):
 
     def action_leave(self) -> None:
         """Lets go and ends it."""
-        self._let_go()
+        if self._joystick is not None:
+            self._joystick.close()
+        self.let_go()
         if self.is_begun:
             self.end()
         self._has_left = True
         self.dismiss()
+
+    async def action_map_joystick(self) -> None:
+        """Maps a joystick; none steers meanwhile."""
+        await self._close_joysticks()
+        self.app.push_screen(MapJoystickDialogue(self._desk), lambda _: self._open_joysticks())
 
     async def _begin(self) -> None:
         """Requests manual control; what is granted after the operator has left is given back."""

@@ -7,6 +7,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 
 from gloc3_groundstation.mapping.tracks import Track
+from gloc3_groundstation.tui.dialogues.fly_by_sticks import FlyBySticksDialogue
 from gloc3_groundstation.tui.dialogues.teleoperate import TeleoperateDialogue
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import StationView
@@ -23,6 +24,8 @@ from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
 
 BY_HAND: Final = "teleoperate"
 """The kind of arguments of what steers by hand."""
+STICKS: Final = "sticks"
+"""What steers a vehicle by its autopilot."""
 STEP: Final = 0.25
 """Of the window, that a key moves it by."""
 
@@ -36,7 +39,8 @@ class FlightDataScreen(StationScreen):
     f freezes the charts; the values beside them stay live. ← and → move back and forward in the history: every sample
     of the last 10 minutes, minimum and maximum of every 2 s for an hour and of every 30 s for 8 hours.
 
-    t opens teleoperation, with keys or a joystick, where the vehicle has that capability."""
+    t opens teleoperation, with keys or a joystick, where the vehicle has that capability; a vehicle that is commanded
+    through its autopilot is flown by sticks in a mode that takes them."""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "freeze", "Freeze", tooltip="freeze or resume the charts"),
         Binding("plus,equals_sign", "window(-1)", "Time", key_display="+ -", tooltip="shorter or longer, 10 s to 8 h"),
@@ -53,7 +57,7 @@ class FlightDataScreen(StationScreen):
     _first = 0
     _frozen_s: float | None = None
     _by_hand = ""
-    """The capability by which the vehicle in view is steered by hand; empty where it has none."""
+    """The capability by which the vehicle in view is steered by hand, or `STICKS`; empty where it has none."""
 
     def body(self) -> ComposeResult:
         """Attitude and values; charts."""
@@ -87,7 +91,11 @@ class FlightDataScreen(StationScreen):
     def action_by_hand(self) -> None:
         """Steers the vehicle in view by hand."""
         platform = self.view.platform if self.view is not None else None
-        if platform is not None and self._by_hand:
+        if platform is None or not self._by_hand:
+            return
+        if self._by_hand == STICKS:
+            self.app.push_screen(FlyBySticksDialogue(self.desk, platform.name, self.moment))
+        else:
             self.app.push_screen(TeleoperateDialogue(self.desk, platform.name, self._by_hand, self.moment))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -95,8 +103,10 @@ class FlightDataScreen(StationScreen):
         return bool(self._by_hand) if action == "by_hand" else super().check_action(action, parameters)
 
     def _steered_by(self, view: StationView) -> str:
-        if view.platform is None or not view.platform.has_companion:
+        if view.platform is None:
             return ""
+        if self.desk.autopilots.is_its_own(view.platform):
+            return STICKS
         rows = self.desk.missions.capabilities(view.platform.name)
         return next((name for name, row in rows.items() if row.arguments == BY_HAND), "")
 

@@ -13,8 +13,10 @@ __all__ = [
     "fleet",
     "flight_data",
     "hosts",
+    "joystick",
     "overview",
     "preflight",
     "sensors",
+    "stick_flight",
     "teleoperation",
 ]

@@ -53,7 +53,7 @@ def helm_lines(
     full = (helm.full.across_m_s, helm.full.across_m_s, helm.full.up_m_s, helm.full.turn_deg_s)
     rows: list[Line] = [
         state_line(platform, helm, now_s),
-        _link_line(platform, round_trip_s, now_s),
+        link_line(platform, round_trip_s, now_s),
         EMPTY,
         (Span(f"{'':<8}{'sticks':>8}{'asked':>10}{'wanted':>10}{'measured':>10}", Tone.DIM),),
     ]
@@ -76,7 +76,8 @@ def _number(values: tuple[int, ...] | None, index: int) -> str:
     return NOTHING if values is None else f"{values[index] / 100.0:>+10.2f}"
 
 
-def _link_line(platform: PlatformSnapshot | None, round_trip_s: float | None, now_s: float) -> Line:
+def link_line(platform: PlatformSnapshot | None, round_trip_s: float | None, now_s: float) -> Line:
+    """Age of the link and its round-trip time."""
     age_s = platform.age_s(now_s) if platform is not None else inf
     text = "never heard" if age_s == inf else f"heard {age_s:.1f} s ago"
     if round_trip_s is not None:

@@ -114,7 +114,9 @@ class StickFlight:
         if self._reading is None:
             self._reading = self._loop.create_task(self._read_parameters(services, family))
         if family.modes.get(self.mode) != "":
-            await asyncio.sleep(SETTLE_S)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(SETTLE_S):
+                    await asyncio.Event().wait()
             try:
                 await self._first_of(family.begins)
             except Refused:

@@ -52,7 +52,9 @@ class SdlReader:
                 self._listener.disconnected(number, "SDL has ended")
             self._found.clear()
             self._listener.failed(f"SDL has ended: {reason}"[:LONGEST_REASON])
-            await asyncio.sleep(AGAIN_S)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(AGAIN_S):
+                    await asyncio.Event().wait()
 
     async def _serve(self) -> str:
         """Runs the process once; returns why it has ended."""

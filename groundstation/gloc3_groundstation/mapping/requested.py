@@ -74,6 +74,7 @@ class Requested(msgspec.Struct, frozen=True):
         return self.paths[-1].starts_m + self.paths[-1].length_m if self.paths else 0.0
 
 
+@lru_cache(maxsize=32)
 def requested(text: str, site: SiteSummary | None, terrain: Terrain | None = None) -> Requested | None:
     """Parses a mission for drawing; None where it cannot be placed.
 
@@ -82,31 +83,11 @@ def requested(text: str, site: SiteSummary | None, terrain: Terrain | None = Non
         site: the vehicle's frame, and home; None where they are unknown: x is then north, home the origin.
         terrain: heights of the ground; None without tiles: heights above it are then drawn as above home.
     """
-    if site is None:
-        return _requested(text, "", 0.0, None, None, terrain)
-    return _requested(text, site.frame, site.x_axis_bearing_deg, site.origin_geo, site.home_m, terrain)
-
-
-@lru_cache(maxsize=32)
-def _requested(
-    text: str,
-    frame_name: str,
-    bearing_deg: float,
-    origin_geo: tuple[float, float, float] | None,
-    home_m: Vector3 | None,
-    terrain: Terrain | None,
-) -> Requested | None:
-    origin = GeoPoint(*origin_geo) if origin_geo is not None else None
-    frame = LocalFrame(origin or GeoPoint(0.0, 0.0, 0.0), bearing_deg)
-    home_ned_m = frame.to_ned(home_m) if home_m is not None else (0.0, 0.0, 0.0)
-    surroundings = MissionReferences(
-        frames={frame_name: frame} if frame_name else None,
-        origin=origin,
-        home_altitude_m=origin.altitude_m - home_ned_m[2] if origin is not None else None,
-        home=TangentPlane(origin).geo_from_ned(home_ned_m) if origin is not None else None,
-        terrain=terrain,
-        is_ground_level=True,
-    )
+    surroundings = references(site, terrain)
+    frame_name = site.frame if site is not None else ""
+    home_ned_m = (0.0, 0.0, 0.0)
+    if site is not None and site.home_m is not None:
+        home_ned_m = LocalFrame(GeoPoint(0.0, 0.0, 0.0), site.x_axis_bearing_deg).to_ned(site.home_m)
     try:
         reading = inspect_mission(text, "mission", surroundings)
     except InputError:
@@ -137,6 +118,23 @@ def _requested(
                 waypoints.append(Waypoint(len(waypoints) + 1, target, position))
     found = msgspec.structs.replace(found, paths=tuple(routes), waypoints=tuple(waypoints))
     return msgspec.structs.replace(found, ground_m=_ground(found.path_ned_m, reading.site))
+
+
+def references(site: SiteSummary | None, terrain: Terrain | None = None) -> MissionReferences:
+    """What is known of a vehicle's place; heights above the ground are taken as above home where there are no tiles."""
+    if site is None:
+        return MissionReferences(terrain=terrain, is_ground_level=True)
+    origin = GeoPoint(*site.origin_geo) if site.origin_geo is not None else None
+    frame = LocalFrame(origin or GeoPoint(0.0, 0.0, 0.0), site.x_axis_bearing_deg)
+    home_ned_m = frame.to_ned(site.home_m) if site.home_m is not None else (0.0, 0.0, 0.0)
+    return MissionReferences(
+        frames={site.frame: frame} if site.frame else None,
+        origin=origin,
+        home_altitude_m=origin.altitude_m - home_ned_m[2] if origin is not None else None,
+        home=TangentPlane(origin).geo_from_ned(home_ned_m) if origin is not None else None,
+        terrain=terrain,
+        is_ground_level=True,
+    )
 
 
 def _ground(path_ned_m: Sequence[Vector3], site: MissionSite | None) -> tuple[tuple[float, float], ...]:

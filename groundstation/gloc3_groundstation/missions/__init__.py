@@ -3,4 +3,4 @@
 Immutable drafts, forms and outlines; the desk sends them, the screens draw them.
 """
 
-__all__ = ["draft", "files", "first_waypoint", "forms", "outline", "plans"]
+__all__ = ["draft", "files", "first_waypoint", "forms", "outline", "place_edits", "plans"]

@@ -2,7 +2,6 @@
 
 from typing import ClassVar, Final
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -14,7 +13,7 @@ from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.mapping.requested import Requested, requested
 from gloc3_groundstation.missions.plans import MissionTexts
 from gloc3_groundstation.tui.keys import MISSION_KEYS
-from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.screens.map_keys import EditableMap
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.mission.map import (
     Chart,
@@ -44,15 +43,18 @@ CALM: Final = 0.3
 """Distance of the vehicle from the centre, as a share of the map, within which a following map does not move."""
 
 
-class MapScreen(StationScreen):
+class MapScreen(EditableMap):
     """Plan view and height profile."""
 
-    HELP = """The requested path (dashed), the vehicles and their trails (each in its colour, with its name), the
+    HELP = f"""The requested path (dashed), the vehicles and their trails (each in its colour, with its name), the
     fence, home, obstacles, and the 95 % ellipse of the position. The cross marks the setpoint.
 
     The + in the middle is the cursor, and so is the mouse: its coordinates are below the map, with distance and
-    bearing from the vehicle in view. The map fits everything until you move it; z fits it again."""
+    bearing from the vehicle in view. The map fits everything until you move it; z fits it again.
+
+    {EditableMap.EDIT_HELP}"""
     BINDINGS: ClassVar[list[BindingType]] = [
+        *EditableMap.EDIT_BINDINGS,
         Binding("f", "follow", "Follow", tooltip="keep the vehicle in view on the map"),
         Binding("z", "fit", "Fit", tooltip="show everything"),
         Binding("plus,equals_sign", "zoom(1)", "Zoom", key_display="+ -", tooltip="in and out"),
@@ -66,14 +68,8 @@ class MapScreen(StationScreen):
         *MISSION_KEYS,
     ]
     AUTO_FOCUS = "#map"
-    _projection = Projection(0.0, 0.0, 0.1, 0.0, 0, 0)
-    _is_fitting = True
-    _is_following = False
     _profile: int | None = None
     """0 along the path, 1 over time, 2 none; None until the operator has chosen: along the path where there is room."""
-    _pointed: tuple[int, int] | None = None
-    _fitted: tuple[object, ...] | None = None
-    """The vehicle, how many things there were, and the size of the map when everything was fitted last."""
     _progress: tuple[tuple[object, ...], PathProgress] | None = None
     _texts: MissionTexts | None = None
 
@@ -101,14 +97,17 @@ class MapScreen(StationScreen):
             return
         chart = self._chart(view, width, height)
         follows = f", following {view.platform.name}" if self._is_following and view.platform is not None else ""
-        panel.show(map_lines(chart, width, height), f"map: {map_title(chart)}{follows}")
+        panel.show(
+            map_lines(chart, width, height), f"{'edit' if self.edit.is_on else 'map'}: {map_title(chart)}{follows}"
+        )
         place = (chart.projection.north_m, chart.projection.east_m)
         if self._pointed is not None:
-            column, row = self._pointed
-            place = chart.projection.place(column * CELL[0] + 1.0, row * CELL[1] + 2.0)
-        self.panel("cursor").show([cursor_line(chart, place, self.panel("cursor").width)])
+            place = self.cursor_place()
+        cursor = cursor_line(chart, place, self.panel("cursor").width)
+        self.panel("cursor").show([cursor, *self.state_lines(chart)])
         self._show_profile(chart, profile)
-        self.panel("vehicles").show(vehicle_lines(chart), "vehicles")
+        if not self.show_open_mission():
+            self.panel("vehicles").show(vehicle_lines(chart), "vehicles")
         self.panel("signs").show(legend_lines(chart), "signs")
 
     # --- keys ---
@@ -131,7 +130,10 @@ class MapScreen(StationScreen):
         self.show_again()
 
     def action_pan(self, right: int, up: int) -> None:
-        """Moves the map."""
+        """Moves the map; in the edit mode the crosshair."""
+        if self.edit.is_on:
+            self.move_cursor(right, up)
+            return
         self._is_fitting = self._is_following = False
         self._pointed = None
         self._projection = self._projection.moved(STEP * right, STEP * up)
@@ -147,13 +149,6 @@ class MapScreen(StationScreen):
         """The next kind of profile."""
         self._profile = (self._profile_kind + 1) % 3
         self.show_again()
-
-    @on(CanvasPanel.Pointed, "#map")
-    def point(self, event: CanvasPanel.Pointed) -> None:
-        """The mouse is the cursor until the map is moved by key."""
-        self._pointed = event.column, event.row
-        if self.view is not None:
-            self.show_view(self.view)
 
     # --- what is seen ---
 
@@ -173,6 +168,8 @@ class MapScreen(StationScreen):
             self._texts = MissionTexts(self.desk.station)
         ground = Ground(view.platform)
         text, is_loaded = self._texts.text_of(view.platform, view.plan)
+        if self.edit.is_on and self.desk.missions.draft is not None:
+            text, is_loaded = self.desk.missions.draft.carried or self.desk.missions.draft.text, False
         if view.platform is not None and self._texts.missing(view.platform, view.now_s):
             self.do(self._texts.fetch(view.platform))
         request = requested(text, ground.site, self.desk.station.terrain) if text else None
@@ -180,7 +177,7 @@ class MapScreen(StationScreen):
         chart = Chart(view, ground, projection, request, is_loaded, not self._pointed)
         projection = self._framed(chart)
         self._projection = projection
-        return chart._replace(projection=projection)
+        return self.edited(chart._replace(projection=projection))
 
     def _framed(self, chart: Chart) -> Projection:
         """The part of the map that is to be seen."""

@@ -5,6 +5,7 @@ from typing import ClassVar, Final
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
+from textual.events import ScreenResume
 from textual.timer import Timer
 from textual.widgets import TextArea
 
@@ -88,6 +89,13 @@ class MissionScreen(StationScreen):
         yield GraphPanel(id="graph", classes="plain")
         yield Panel(id="detail", can_focus=False)
         yield MissionText(id="text")
+
+    def on_screen_resume(self, event: ScreenResume) -> None:
+        """Takes the text over that the map may have changed."""
+        super().on_screen_resume(event)
+        draft, text = self.desk.missions.draft, self.query_one(MissionText)
+        if draft is not None and text.editor.text != draft.text:
+            text.invalidate()
 
     def show_view(self, view: StationView) -> None:
         """Fills the graph or the text."""

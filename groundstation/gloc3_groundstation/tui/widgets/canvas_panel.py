@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from textual.events import MouseMove
+from textual.events import MouseDown, MouseEvent, MouseMove, MouseScrollDown, MouseScrollUp, MouseUp
 from textual.geometry import Region
 from textual.message import Message
 
@@ -11,10 +11,10 @@ from gloc3_groundstation.tui.widgets.panel import Panel
 
 
 class CanvasPanel(Panel):
-    """Lines that fill the panel and never scroll; `Pointed` reports the mouse position."""
+    """Lines that fill the panel and never scroll; messages report the mouse. A drag is followed beyond the panel's edge."""
 
-    class Pointed(Message):
-        """The mouse is over a cell."""
+    class _AtCell(Message):
+        """The mouse is over a cell; while it is dragged, perhaps one beside the panel."""
 
         def __init__(self, panel: "CanvasPanel", column: int, row: int) -> None:
             super().__init__()
@@ -26,6 +26,28 @@ class CanvasPanel(Panel):
         def control(self) -> "CanvasPanel":
             """The panel, for `@on(CanvasPanel.Pointed, "#id")`."""
             return self.panel
+
+    class Pointed(_AtCell):
+        """The mouse has moved, without a button."""
+
+    class Pressed(_AtCell):
+        """A button was pressed."""
+
+    class Dragged(_AtCell):
+        """The mouse has moved with the button down."""
+
+    class Released(_AtCell):
+        """The button was released."""
+
+    class Wheeled(_AtCell):
+        """The wheel was turned."""
+
+        def __init__(self, panel: "CanvasPanel", column: int, row: int, steps: int) -> None:
+            super().__init__(panel, column, row)
+            self.steps = steps
+            """1 away from the operator, -1 towards."""
+
+    _is_held = False
 
     def show(self, lines: Sequence[Line], title: str | None = None) -> None:
         """Shows another picture."""
@@ -46,6 +68,35 @@ class CanvasPanel(Panel):
 
     def on_mouse_move(self, event: MouseMove) -> None:
         """Tells the screen."""
-        offset = event.get_content_offset(self)
-        if offset is not None:
-            self.post_message(self.Pointed(self, offset.x, offset.y))
+        if self._is_held:
+            self.post_message(self.Dragged(self, *self._cell(event)))
+        elif event.get_content_offset(self) is not None:
+            self.post_message(self.Pointed(self, *self._cell(event)))
+
+    def on_mouse_down(self, event: MouseDown) -> None:
+        """Follows the mouse until the button is released."""
+        if event.button == 1 and event.get_content_offset(self) is not None:
+            self._is_held = True
+            self.capture_mouse()
+            self.post_message(self.Pressed(self, *self._cell(event)))
+
+    def on_mouse_up(self, event: MouseUp) -> None:
+        """Lets the mouse go."""
+        if self._is_held:
+            self._is_held = False
+            self.release_mouse()
+            self.post_message(self.Released(self, *self._cell(event)))
+
+    def on_mouse_scroll_up(self, event: MouseScrollUp) -> None:
+        """Tells the screen."""
+        event.stop()
+        self.post_message(self.Wheeled(self, *self._cell(event), 1))
+
+    def on_mouse_scroll_down(self, event: MouseScrollDown) -> None:
+        """Tells the screen."""
+        event.stop()
+        self.post_message(self.Wheeled(self, *self._cell(event), -1))
+
+    def _cell(self, event: MouseEvent) -> tuple[int, int]:
+        place = event.get_content_offset_capture(self)
+        return place.x, place.y

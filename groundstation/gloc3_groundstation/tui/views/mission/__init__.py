@@ -3,4 +3,4 @@
 Pure functions of a view.
 """
 
-__all__ = ["detail", "graph", "lines", "map", "profile", "traffic"]
+__all__ = ["detail", "graph", "lines", "map", "map_edit", "profile", "traffic"]

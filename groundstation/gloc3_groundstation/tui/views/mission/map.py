@@ -1,6 +1,6 @@
 """The map in plan view: requested paths, vehicles with their trails, and obstacles."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from math import atan2, cos, degrees, hypot, radians, sin, sqrt
 from typing import Final, NamedTuple
 
@@ -43,6 +43,8 @@ class Chart(NamedTuple):
     """Whether it has that loaded."""
     has_cross: bool = True
     """Whether the middle is marked."""
+    overlay: "Callable[[CellCanvas, Chart], None] | None" = None
+    """Draws over everything else, such as what is edited."""
 
     @property
     def placed(self) -> Iterator[tuple[int, PlatformSnapshot, MapPlacement]]:
@@ -78,6 +80,8 @@ def map_lines(chart: Chart, width: int, height: int) -> list[Line]:
     for number, platform, place in chart.placed:
         _draw_vehicle(canvas, chart, number, platform, place)
     _draw_frame(canvas, chart)
+    if chart.overlay is not None:
+        chart.overlay(canvas, chart)
     return canvas.lines()
 
 
@@ -170,7 +174,7 @@ def _draw_waypoints(canvas: CellCanvas, chart: Chart, request: Requested, own: M
     cells: dict[tuple[int, int], list[tuple[int, bool]]] = {}
     for waypoint in request.waypoints:
         north, east = own.from_ned(np.array([waypoint.position_ned_m]))[0]
-        cell = _cell(chart.projection.dot(north, east))
+        cell = cell_of(chart.projection.dot(north, east))
         cells.setdefault(cell, []).append((waypoint.number, waypoint.target in over))
     for (column, row), found in cells.items():
         open_numbers = [number for number, is_over in found if not is_over]
@@ -184,7 +188,7 @@ def _draw_home(canvas: CellCanvas, chart: Chart, own: MapPlacement) -> None:
     site = chart.ground.site
     if site is not None and site.home_m is not None:
         north, east, _ = own.point(site.home_m)
-        column, row = _cell(chart.projection.dot(north, east))
+        column, row = cell_of(chart.projection.dot(north, east))
         canvas.text(column, row, "⌂", Tone.GOOD)
 
 
@@ -228,7 +232,7 @@ def _draw_vehicle(
     ahead = AHEAD if is_in_view else AHEAD / 2.0
     canvas.line([(x, y), (x + ahead * sin(turn), y - ahead * cos(turn))], sign)
     name = f" {platform.name} " if is_in_view else f" {platform.name}"
-    column, row = _cell((x, y))
+    column, row = cell_of((x, y))
     for at, line in ((column + 3, row), (column + 3, row - 1), (column - 3 - len(name), row), (column, row + 2)):
         if canvas.is_free(at, line, len(name)):
             canvas.text(at, line, name, Tone.CHOSEN if is_in_view and not is_stale else tone)
@@ -289,7 +293,7 @@ def _draw_frame(canvas: CellCanvas, chart: Chart) -> None:
         canvas.text(canvas.width // 2, canvas.height // 2, "+", Tone.KEY)
 
 
-def _cell(dot: tuple[float, float]) -> tuple[int, int]:
+def cell_of(dot: tuple[float, float]) -> tuple[int, int]:
     """The column and line of a dot; far away where it is."""
     x, y = (max(-1e6, min(1e6, value)) for value in dot)
     return int(x // CELL[0]), int(y // CELL[1])

@@ -1,0 +1,422 @@
+"""Keys and mouse of the map's edit mode, and "go here": what the map screen and its editing have in common."""
+
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from math import hypot
+from typing import Any, ClassVar, Final
+
+from textual import on
+from textual.binding import Binding, BindingType
+
+from gloc3.errors import Gloc3Error
+from gloc3.messages.envelope import Severity
+from gloc3_groundstation.mapping.handles import Point
+from gloc3_groundstation.mapping.projection import Projection
+from gloc3_groundstation.services.actions import Action
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.tui.dialogues.mission_files import MissionFileDialogue
+from gloc3_groundstation.tui.dialogues.questions import TextQuestion
+from gloc3_groundstation.tui.screen import StationScreen
+from gloc3_groundstation.tui.screens.map_edit import REACH, MapEdit
+from gloc3_groundstation.tui.views.mission.map import Chart, own_place, position_of
+from gloc3_groundstation.tui.views.mission.map_edit import edit_lines, spacing_m, state_line
+from gloc3_groundstation.tui.widgets.canvas import CELL
+from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
+from gloc3_groundstation.tui.widgets.lines import Line
+
+GO_QUESTION: Final = "Send {} to {}, at {:g} m?"
+EDIT_ACTIONS: Final = frozenset(
+    {"place", "leave", "add", "remove", "choose", "raise_by", "raise_to", "draw", "undo", "redo", "save"}
+)
+"""Only in the edit mode."""
+
+
+class EditableMap(StationScreen):
+    """A map with a crosshair, on which the open mission can be edited."""
+
+    EDIT_HELP: ClassVar[str] = """e edits the open mission here: its waypoints, the corners of its areas and of its
+    fence. The arrows move the crosshair, and so does the mouse; enter picks up the nearest place and places it, or drag
+    it with the mouse. i adds a place after the chosen one, delete leaves it out, + and - raise it by a metre, t takes a
+    height. m draws a survey and b a fence, corner by corner; enter on the first corner closes them. Every change is one
+    step of ^z and ^y, changes the mission's text alone, and is checked at once. The wheel zooms, dragging the empty map
+    moves it. g sends the vehicle to the crosshair, after its height and a confirmation."""
+    EDIT_BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "enter", "place", "Pick/place", tooltip="picks up the nearest place, and places it; a corner while drawing"
+        ),
+        Binding(
+            "i,insert", "add", "Add", key_display="i", tooltip="adds a place after the chosen one, else a waypoint"
+        ),
+        Binding("delete,backspace", "remove", "Leave out", key_display="del", tooltip="the chosen place"),
+        Binding("plus,equals_sign", "raise_by(1)", "Height", key_display="+ -", tooltip="of the chosen place, by 1 m"),
+        Binding("minus,underscore", "raise_by(-1)", "Lower", show=False),
+        Binding("t", "raise_to", "Type height", tooltip="of the chosen place"),
+        Binding("n", "choose(1)", "Next", tooltip="chooses the next place; N: the one before"),
+        Binding("N", "choose(-1)", "Previous", show=False),
+        Binding("m", "draw('survey')", "Survey", tooltip="draws the area of a survey"),
+        Binding("b", "draw('fence')", "Fence", tooltip="draws a fence, where there is none"),
+        Binding("ctrl+z", "undo", "Undo", key_display="^z"),
+        Binding("ctrl+y", "redo", "Redo", key_display="^y", show=False, tooltip="what was undone"),
+        Binding("ctrl+s", "save", "Save", key_display="^s", tooltip="the open mission"),
+        Binding("escape", "leave", "Done", tooltip="ends what is begun, then the edit mode"),
+        Binding("e", "edit", "Edit", tooltip="edits the open mission on the map"),
+        Binding("g", "go_here", "Go here", tooltip="sends the vehicle in view to the crosshair; asks first"),
+    ]
+    _projection = Projection(0.0, 0.0, 0.1, 0.0, 0, 0)
+    _is_fitting = True
+    _is_following = False
+    _pointed: tuple[int, int] | None = None
+    _fitted: tuple[object, ...] | None = None
+    """The vehicle, how many things there were, and the size of the map when everything was fitted last."""
+    _chart_seen: Chart | None = None
+    _edit: MapEdit | None = None
+    _pressed: tuple[int, int] | None = None
+    """Where a button of the mouse was pressed; None while none is."""
+    _dragged_from: tuple[int, int] | None = None
+
+    @property
+    def edit(self) -> MapEdit:
+        """The editing of the open mission."""
+        if self._edit is None:
+            self._edit = MapEdit(self.desk, self._check)
+        return self._edit
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Enables the keys of the edit mode there, and those that they replace elsewhere."""
+        is_on, state = self.edit.is_on, self.edit.state
+        if action in EDIT_ACTIONS:
+            if not is_on:
+                return False
+            if action in ("raise_by", "raise_to"):
+                has_height = state.chosen is not None and state.chosen.height_m is not None
+                return has_height or (False if action == "raise_by" else None)
+            if action == "remove":
+                return state.chosen is not None or bool(state.corners) or None
+            return True
+        if action == "edit":
+            return not is_on
+        return super().check_action(action, parameters)
+
+    # --- what the map screen calls ---
+
+    def cursor_cell(self) -> tuple[int, int]:
+        """Column and line of the crosshair: where the mouse was, else the middle."""
+        width, height = self._projection.width // CELL[0], self._projection.height // CELL[1]
+        column, row = self._pointed or (width // 2, height // 2)
+        return max(0, min(width - 1, column)), max(0, min(height - 1, row))
+
+    def cursor_place(self) -> Point:
+        """North and east of the crosshair."""
+        return self.place_at(*self.cursor_cell())
+
+    def place_at(self, column: int, row: int) -> Point:
+        """North and east of the middle of a cell."""
+        return self._projection.place((column + 0.5) * CELL[0], (row + 0.5) * CELL[1])
+
+    def edited(self, chart: Chart) -> Chart:
+        """The chart with what is edited; unchanged outside the edit mode."""
+        self._chart_seen = chart
+        if self.edit.is_on:
+            chart = self._chart_seen = self.edit.drawn(chart, self.cursor_cell(), self.cursor_place())
+        return chart
+
+    def state_lines(self, chart: Chart) -> list[Line]:
+        """What is edited, or the worst that is wrong with it: a second line below the map in the edit mode."""
+        panel = self.panel("cursor")
+        panel.styles.height = 2 if self.edit.is_on else 1
+        if not self.edit.is_on:
+            return []
+        outside_m = self.edit.outside_m(chart, self.cursor_place())
+        return [state_line(self.edit.state, self.desk.missions.draft, outside_m, panel.width)]
+
+    def show_open_mission(self) -> bool:
+        """Shows the open mission beside the map in the edit mode; returns whether that is on."""
+        if self.edit.is_on:
+            panel = self.panel("vehicles")
+            panel.show(edit_lines(self.edit.state, self.desk.missions.draft, max(20, panel.width)), "open mission")
+        return self.edit.is_on
+
+    def move_cursor(self, right: int, up: int) -> None:
+        """Moves the crosshair by a cell; at the edge the map moves."""
+        column, row = self.cursor_cell()
+        width, height = self._projection.width // CELL[0], self._projection.height // CELL[1]
+        if not (0 <= column + right < width and 0 <= row - up < height):
+            self._is_fitting = self._is_following = False
+            self._projection = self._projection.moved(0.25 * right, 0.25 * up)
+            column, row = column - round(0.25 * right * width), row + round(0.25 * up * height)
+        self._pointed = column + right, row - up
+        self.show_again()
+
+    # --- keys ---
+
+    def action_edit(self) -> None:
+        """Begins to edit."""
+        problem = self.edit.begin(self._vehicle())
+        if problem:
+            self.desk.station.note("", Severity.ERROR, f"edit: {problem}")
+        self._pointed, self._fitted, self._is_fitting = self.cursor_cell(), None, True
+        self.show_again()  # fits the open mission once
+        self._is_fitting = self._is_following = False
+        if not problem and not self.desk.missions.is_checked_for(self._vehicle()):
+            self._check()
+        self._shown_again()
+
+    def action_leave(self) -> None:
+        """Ends what is begun, then the edit mode."""
+        self.edit.leave()
+        self._shown_again()
+
+    def action_place(self) -> None:
+        """Picks up, places, or sets a corner."""
+        if self.edit.enter(self.cursor_place(), self._projection.m_per_dot):
+            self._finish()
+        self._shown_again()
+
+    def action_add(self) -> None:
+        """Adds a place at the crosshair."""
+        self.edit.add(self.cursor_place())
+        self._shown_again()
+
+    def action_remove(self) -> None:
+        """Leaves out the chosen place."""
+        self.edit.remove()
+        self._shown_again()
+
+    def action_choose(self, step: int) -> None:
+        """Chooses the next place, and moves the crosshair there."""
+        handle, chart = self.edit.choose(step), self._chart_seen
+        if handle is not None and chart is not None:
+            north, east = handle.position_ne_m
+            x, y = self._projection.dot(north, east)
+            if not (0 <= x < self._projection.width and 0 <= y < self._projection.height):
+                self._projection = self._projection._replace(north_m=north, east_m=east)
+                x, y = self._projection.dot(north, east)
+            self._pointed = int(x // CELL[0]), int(y // CELL[1])
+        self._shown_again()
+
+    def action_raise_by(self, by_m: int) -> None:
+        """Raises the chosen place."""
+        self.edit.raise_by(float(by_m))
+        self._shown_again()
+
+    def action_raise_to(self) -> None:
+        """Asks for a height."""
+        chosen = self.edit.state.chosen
+        if chosen is None or chosen.height_m is None:
+            return
+        self._prompt(
+            f"height of {chosen.label}, m", f"{chosen.height_m:g}", 1, lambda numbers: self.edit.raise_to(*numbers)
+        )
+
+    def action_draw(self, what: str) -> None:
+        """Begins to draw an area."""
+        self.edit.draw(what)
+        self._shown_again()
+
+    def action_undo(self) -> None:
+        """Takes the last change back."""
+        self.edit.undo()
+        self._shown_again()
+
+    def action_redo(self) -> None:
+        """Makes it again."""
+        self.edit.undo(again=True)
+        self._shown_again()
+
+    def action_save(self) -> None:
+        """Saves the open mission."""
+        MissionFileDialogue(self.app, self.desk.missions, self._vehicle).save(self.show_again)
+
+    def action_go_here(self) -> None:
+        """Sends the vehicle in view to the crosshair, after its height and a confirmation."""
+        platform, chart = self.view.platform if self.view is not None else None, self._chart_seen
+        if platform is None or chart is None:
+            return
+        place = self.cursor_place()
+        problem, words, send = self._way_to(platform, chart, place)
+        if problem:
+            self.desk.station.note(platform.name, Severity.ERROR, f"go here: {problem}")
+            self.show_again()
+            return
+        position, site = position_of(platform), chart.ground.site
+        home_m = site.home_m[2] if site is not None and site.home_m is not None else 0.0
+        height_m = position[2] - (home_m if self._goes_by_geo(platform) else 0.0) if position is not None else 2.0
+
+        def typed(numbers: tuple[float, ...]) -> None:
+            question = GO_QUESTION.format(platform.name, words, numbers[0])
+            self.confirm(question, "go there", lambda: self.do(send(numbers[0])))
+
+        self._prompt(f"send {platform.name} to {words}: at which height, m", f"{max(height_m, 0.0):.1f}", 1, typed)
+
+    # --- the mouse ---
+
+    @on(CanvasPanel.Pointed, "#map")
+    def point(self, event: CanvasPanel.Pointed) -> None:
+        """The mouse is the cursor until the map is moved by key."""
+        self._pointed = event.column, event.row
+        self._drawn_again()
+
+    @on(CanvasPanel.Pressed, "#map")
+    def press(self, event: CanvasPanel.Pressed) -> None:
+        """Picks up a place, or takes hold of the map."""
+        self._pointed = self._pressed = self._dragged_from = event.column, event.row
+        edit = self.edit
+        if edit.is_on and not edit.state.drawing:
+            edit.is_dragging = edit.pick(self.cursor_place(), self._projection.m_per_dot)
+        self._drawn_again()
+
+    @on(CanvasPanel.Dragged, "#map")
+    def drag(self, event: CanvasPanel.Dragged) -> None:
+        """Carries the place, or the map."""
+        if self._dragged_from is None:
+            return
+        before, self._dragged_from = self._dragged_from, (event.column, event.row)
+        if self.edit.is_dragging:
+            self._pointed = event.column, event.row
+        else:
+            self._is_fitting = self._is_following = False
+            was, now = self.place_at(*before), self.place_at(event.column, event.row)
+            here = self._projection
+            self._projection = here._replace(
+                north_m=here.north_m + was[0] - now[0], east_m=here.east_m + was[1] - now[1]
+            )
+        self._drawn_again()
+
+    @on(CanvasPanel.Released, "#map")
+    def release(self, event: CanvasPanel.Released) -> None:
+        """Places what was dragged; a click chooses a place, sets a corner, or shows a vehicle."""
+        is_click = self._pressed == (event.column, event.row)
+        self._pressed = self._dragged_from = None
+        edit = self.edit
+        if edit.is_dragging:
+            edit.is_dragging = False
+            if is_click:
+                edit.let_go()
+            else:
+                edit.put_down()
+        elif is_click and edit.is_on and edit.state.drawing:
+            if edit.enter(self.cursor_place(), self._projection.m_per_dot):
+                self._finish()
+        elif is_click and edit.is_on:
+            edit.let_go(is_chosen=False)
+        elif is_click:
+            self._show_nearest()
+        self._shown_again()
+
+    @on(CanvasPanel.Wheeled, "#map")
+    def wheel(self, event: CanvasPanel.Wheeled) -> None:
+        """Zooms about the place under the mouse."""
+        was = self.place_at(event.column, event.row)
+        self._is_fitting = False
+        self._projection = self._projection.zoomed(event.steps)
+        now, here = self.place_at(event.column, event.row), self._projection
+        self._projection = here._replace(north_m=here.north_m + was[0] - now[0], east_m=here.east_m + was[1] - now[1])
+        self._drawn_again()
+
+    # --- helpers ---
+
+    def _check(self) -> None:
+        """Checks the open mission in a thread, because a long one takes a while."""
+
+        async def check() -> None:
+            await self.desk.missions.check(self._vehicle())
+            self.show_again()
+
+        self.run_worker(check(), exclusive=True, group="check", exit_on_error=True)
+
+    def _finish(self) -> None:
+        """Puts the drawn area into the mission; asks for a survey's numbers."""
+        if self.edit.state.drawing == "fence":
+            self.edit.finish()
+            return
+        step_m = spacing_m(self.edit.state.corners)
+        self._prompt(
+            "distance between lines, and height: m, m", f"{step_m:g}, 2", 2, lambda numbers: self.edit.finish(*numbers)
+        )
+
+    def _prompt(self, question: str, value: str, count: int, do: Callable[[tuple[float, ...]], object]) -> None:
+        """Asks for numbers."""
+
+        def answered(text: str | None) -> None:
+            if text is None:
+                return
+            try:
+                numbers = tuple(float(part) for part in text.replace(",", " ").split())
+            except ValueError:
+                numbers = ()
+            if len(numbers) == count:
+                do(numbers)
+            else:
+                self.desk.station.note("", Severity.ERROR, f"{text!r}: {count} numbers are needed")
+            self._shown_again()
+
+        self.app.push_screen(TextQuestion(question, value), answered)
+
+    def _way_to(
+        self, platform: PlatformSnapshot, chart: Chart, place: Point
+    ) -> tuple[str, str, Callable[[float], Coroutine[Any, Any, None]]]:
+        """Why a vehicle cannot be sent to a place (empty if it can), the place in words, and what sends it there."""
+        desk, geo = self.desk, chart.ground.geo(*place)
+        name = platform.name
+        x, y = own_place(chart).local(*place)
+        is_own = desk.autopilots.is_its_own(platform)
+        by_geo = is_own or self._goes_by_geo(platform)
+        words = (
+            f"{geo.latitude_deg:.6f}, {geo.longitude_deg:.6f}"
+            if by_geo and geo is not None
+            else f"x {x:.1f}, y {y:.1f}"
+        )
+
+        async def send(height_m: float) -> None:
+            if is_own and geo is not None:
+                typed = f"{geo.latitude_deg:.7f}, {geo.longitude_deg:.7f}, {height_m:.2f}"
+                await desk.autopilots.act(name, Action.GO_TO, typed)
+                return
+            if by_geo and geo is not None:
+                arguments = {"position": [round(geo.latitude_deg, 7), round(geo.longitude_deg, 7), height_m]}
+            else:
+                arguments = {"position_m": [round(x, 2), round(y, 2), height_m]}
+            with suppress(Gloc3Error):  # it is noted
+                await desk.missions.request(name, "go_to", arguments)
+
+        problem = ""
+        if by_geo and geo is None:
+            problem = "its place on Earth is not known"
+        elif is_own and Action.GO_TO not in desk.autopilots.offers(platform):
+            problem = "it is not armed: take off first"
+        elif not is_own and "go_to" not in desk.missions.capabilities(name):
+            problem = "its platform has no go_to"
+        return problem, words, send
+
+    def _goes_by_geo(self, platform: PlatformSnapshot) -> bool:
+        """Whether single actions of a vehicle are written in latitude and longitude."""
+        if self.desk.autopilots.is_its_own(platform):
+            return True
+        capabilities = self.desk.missions.capabilities(platform.name)
+        if "go_to" not in capabilities:
+            return False
+        form = self.desk.missions.form(platform.name, "go_to")
+        return any(field.name == "position" for field in form.fields)
+
+    def _show_nearest(self) -> None:
+        """Shows the vehicle that was clicked."""
+        chart, place = self._chart_seen, self.cursor_place()
+        near: list[tuple[float, str]] = []
+        for _, platform, at in chart.placed if chart is not None else ():
+            position = position_of(platform)
+            if position is not None:
+                north, east, _ = at.point(position)
+                near.append((hypot(north - place[0], east - place[1]), platform.name))
+        if near and min(near)[0] <= REACH * self._projection.m_per_dot:
+            self.show_vehicle(min(near)[1])
+
+    def _shown_again(self) -> None:
+        self.refresh_bindings()
+        self.show_again()
+
+    def _drawn_again(self) -> None:
+        if self.view is not None:
+            self.show_view(self.view)
+
+    def _vehicle(self) -> str | None:
+        return self.view.platform.name if self.view is not None and self.view.platform is not None else None

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Final
 
 import msgspec
@@ -98,8 +99,9 @@ async def await_platform(station: Station, name: str | None) -> str:
 
     await until(station, is_in_contact)
     if name is None:
-        await asyncio.sleep(OTHERS_S)
-        is_in_contact()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(OTHERS_S):
+                await until(station, lambda: is_in_contact() and len(found) > 1)
     if len(found) > 1:
         raise Refused(f"several platforms are in contact ({', '.join(found)}): name one with --platform")
     return found[0]

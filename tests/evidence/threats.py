@@ -118,12 +118,13 @@ THREATS = (
     Threat(
         "network",
         "another site's page uses the operator's browser",
-        "`--web` answers to this computer's names and to its own page only; beyond loopback its address has a key",
+        "`--web` answers to this computer's names and to its own page only; beyond loopback it opens by a token, for commands or read-only",
         (
             "tests/groundstation/web/test_web.py::test_pages_of_other_sites_and_names_pointed_here_get_nothing",
-            "tests/groundstation/web/test_web.py::test_beyond_this_computer_the_address_has_a_key_and_a_warning_names_what_it_opens",
+            "tests/groundstation/web/test_access.py::test_the_token_leaves_the_address_for_a_cookie_and_without_either_there_is_a_clear_page",
+            "tests/groundstation/web/test_access.py::test_who_may_only_watch_mirrors_the_terminal_and_keys_and_hold_do_nothing",
         ),
-        "with --web-host nothing is encrypted: use ssh -L",
+        "with --web-host and without --web-tls nothing is encrypted",
     ),
     Threat(
         "malicious station",

@@ -38,31 +38,38 @@ async def journey(browser: Browser, url: str) -> bytes:
     """Opens the hop, starts it, loads the page anew in flight, holds, lands, quits; gives a picture taken in flight."""
     await browser.open(url)
     await browser.wait(lambda: re.search(r"health +all \d+ well", browser.terminal.text()) is not None, what="all work")
-    await browser.press("3", "o")
-    await browser.until("open a mission")
+    await browser.press("3")
+    await press(browser, "o", "open a mission")
     await browser.press(*"hop", "enter")
     await browser.until("open: hop.yaml")
-    await browser.press("s")
-    await browser.until("It arms and starts moving.")
-    await browser.press("y")
-    await browser.until("ARMED")
-    await browser.press("f5")
-    await browser.until("last 1 min")
+    await press(browser, "s", "It arms and starts moving.")
+    await press(browser, "y", "ARMED")
+    await press(browser, "f5", "last 1 min")
     await asyncio.sleep(2.0)
     picture = await browser.picture()
     await browser.open(url)
     await browser.until("last 1 min")
-    await browser.press("1")
-    await browser.until("armed, in air")
-    await browser.press(" ")
-    await browser.until("emergency hold")
-    await browser.press(" ")
-    await browser.until("land here")
-    await browser.press("l")
-    await browser.until("emergency land")
+    await press(browser, "1", "armed, in air")
+    await press(browser, " ", "emergency hold")
+    await press(browser, " ", "land here")
+    await press(browser, "l", "emergency land")
     await browser.until("disarmed")
     await browser.press("q")
     return picture
+
+
+async def press(browser: Browser, key: str, text: str) -> None:
+    """Presses a key until the terminal shows a text: again where the page says that it was not sent, or came too late."""
+    for _ in range(5):
+        await browser.evaluate("document.getElementById('remark').textContent = ''")
+        await browser.press(key)
+        for _ in range(600):
+            if text in browser.terminal.text():
+                return
+            if str(await browser.evaluate("document.getElementById('remark').textContent")).startswith("NOT "):
+                break
+            await asyncio.sleep(0.05)
+    raise AssertionError(f"never came: {text}\n{browser.terminal.text()}")
 
 
 async def fly(folder: Path) -> Flown:

@@ -57,7 +57,7 @@ class Browser:
                     self.terminal.feed(drawn)
                 case "Network.webSocketFrameSent", {"response": {"payloadData": data}}:
                     said = json.loads(data)
-                    if said[0] in ("hello", "resize"):
+                    if said[0] in ("hello", "resize") and "width" in said[1]:
                         self.terminal.resize(said[1]["width"], said[1]["height"])
                 case "Network.requestWillBeSent", {"request": {"url": url}}:
                     self.requested.append(url)

@@ -27,7 +27,9 @@ from gloc3_groundstation.reporting.outcomes import RunOutcome, findings_of, outc
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import Configuration, unsaved_folder
+from gloc3_groundstation.web.certificate import fingerprint
 from gloc3_groundstation.web.live_view import LiveView
+from gloc3_groundstation.web.map_view import MapSource
 from gloc3_groundstation.web.server import WebOptions, WebServer, exposure
 from gloc3_groundstation.web.terminal_view import Notify, TerminalWindow
 
@@ -183,7 +185,8 @@ class Session:
                 if options.web is None:
                     end = await app.run_async()
                 else:
-                    async with _served(app.desk, options.web, lambda: app.window):
+                    source = MapSource(app.desk, lambda: app.tracks)
+                    async with _served(source, options.web, lambda: app.window):
                         end = await app.run_async()
             if not keep(app.configuration()) and not requested.problem:
                 narrate("warning: the configuration file cannot be written: this session is not kept")
@@ -272,13 +275,26 @@ def _commanded(run: Headless, options: HeadlessOptions) -> Iterator[None]:
 
 @asynccontextmanager
 async def _served(
-    desk: "Desk", options: WebOptions, window: Callable[[], TerminalWindow | None]
+    source: MapSource, options: WebOptions, window: Callable[[], TerminalWindow | None]
 ) -> AsyncIterator[None]:
-    """Serves the page for a browser, and narrates its viewers in the terminal that started the station."""
-    async with WebServer(window, options, reporter(desk)).serving() as url:
+    """Serves the pages for browsers, and narrates their viewers in the terminal that started the station."""
+    desk = source.desk
+
+    def warn(text: str) -> None:
+        desk.station.note("", Severity.WARNING, text)
+        narrate(f"warning: {text}")
+
+    async with WebServer(window, options, reporter(desk), warn, source).serving() as addresses:
         if options.is_exposed:
-            narrate(exposure(url, operator()))
-        narrate(f"the station is at {url} (Ctrl-C here ends it)")
+            narrate(exposure(addresses, operator()))
+        if options.certificate is not None:
+            narrate(f"the certificate's SHA-256 is {fingerprint(options.certificate[0])}")
+        if addresses.watch:
+            narrate(
+                f"read-only, the station is at {addresses.watch}" + " (Ctrl-C here ends it)" * (not addresses.command)
+            )
+        if addresses.command:
+            narrate(f"the station is at {addresses.command} (Ctrl-C here ends it)")
         yield
 
 

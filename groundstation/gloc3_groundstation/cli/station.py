@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from gloc3_groundstation.desk.vehicle_commands import VehicleCommand
     from gloc3_groundstation.store.configuration import Configuration
 
+SELF_SIGNED: Final = "self"
 FLAG: Final = Parameter(negative=(), show_default=False)
 
 app = App(
@@ -162,10 +163,23 @@ class StationOptions:
     """Show the terminal in a browser, at the address that is printed. The station keeps running when the browser
     window is closed, until Ctrl-C here or the key q there; one window shows it at a time."""
     web_host: str = HOST
-    """The address that the page is served on. Any address but this computer's own gives control of the
-    vehicles to everyone who has the printed URL; nothing is encrypted."""
+    """The address that the page is served on. Beyond this computer, the page opens with the token in the printed
+    address alone: one address commands, another one only watches. Nothing is encrypted without --web-tls."""
     web_port: int = PORT
     """The port of the page; 0 takes any free one."""
+    web_token: Path | None = None
+    """A file with the token of the page, readable only by you, written if missing: the addresses stay the same after a
+    restart, and this computer's own page needs the token too. Default: a random token with --web-host, else none."""
+    web_tls: str | None = None
+    """Encrypt the page: CERTIFICATE,KEY (PEM files), or "self" for a self-signed certificate that is made in the
+    configuration directory and whose SHA-256 fingerprint is printed."""
+    web_read_only: Annotated[bool, FLAG] = False
+    """The page shows everything and commands nothing: keys and HOLD do nothing there."""
+    tiles: str | None = None
+    """Tiles of the page's map: an MBTiles file, a folder ZOOM/COLUMN/ROW.png, or a URL with {z}, {x} and {y}, from which
+    this station then fetches what the map shows. Default: a plain grid; nothing is fetched."""
+    tiles_attribution: str | None = None
+    """The text on the map that names the tiles' source. Default: that of the MBTiles file."""
 
 
 @app.default
@@ -270,10 +284,39 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         )
         with ending:
             return asyncio.run(session.narrate(run, output))
-    page = WebOptions(host=options.web_host, port=options.web_port) if options.web else None
+    page = _page(options) if options.web else None
     shown = TerminalOptions(is_starting=options.start, is_closing=options.exit_when_done, web=page, opens=opens)
     with ending:
         return asyncio.run(session.show(shown, keep=file.write))
+
+
+def _page(options: StationOptions) -> WebOptions:
+    """The options of the page.
+
+    Raises:
+        Refused: the token, the certificate or the tiles cannot be used.
+    """
+    from gloc3.clock import utc_now
+    from gloc3_groundstation.store.configuration import default_path
+    from gloc3_groundstation.web.access import read_token
+    from gloc3_groundstation.web.certificate import load_pair, self_signed
+    from gloc3_groundstation.web.tiles import open_tiles
+
+    pair: tuple[Path, Path] | None = None
+    if options.web_tls == SELF_SIGNED:
+        pair = self_signed(default_path().parent, options.web_host, utc_now())
+    elif options.web_tls is not None:
+        certificate, _, key = options.web_tls.partition(",")
+        pair = Path(certificate).expanduser(), Path(key or certificate).expanduser()
+        load_pair(*pair)
+    return WebOptions(
+        host=options.web_host,
+        port=options.web_port,
+        token="" if options.web_token is None else read_token(options.web_token.expanduser()),
+        is_read_only=options.web_read_only,
+        certificate=pair,
+        tiles=None if options.tiles is None else open_tiles(options.tiles, options.tiles_attribution),
+    )
 
 
 def _read(mission: str, platform: str | None, terrain: Terrain | None) -> CheckedPlan:
@@ -351,6 +394,11 @@ def _check(options: StationOptions) -> None:
         parse_source(options.rtk)
     for url in (*(options.forward or ()), *(options.forward_both or ())):
         check_forward(url)
+    of_the_page = (options.web_token, options.web_tls, options.web_read_only, options.tiles)
+    if any(of_the_page) and not options.web:
+        raise Refused("--web-token, --web-tls, --web-read-only and --tiles go with --web")
+    if options.tiles_attribution is not None and options.tiles is None:
+        raise Refused("--tiles-attribution goes with --tiles")
     for name, port in (("foxglove", options.foxglove_port), ("web", options.web_port)):
         if not 0 <= port <= 65535:
             raise Refused(f"--{name}-port must be from 0 to 65535")

@@ -5,18 +5,21 @@ placed by their frame's geographic origin, or by its name where that is unknown.
 """
 
 from math import cos, hypot, radians, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
 from gloc3.messages.motion import SiteSummary
+from gloc3.mission.model.fence import Area
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 
 Plane = NDArray[np.float64]
 """Rows of metres north and east on the map."""
 
+CIRCLE: Final = np.linspace(0.0, 2.0 * np.pi, 73)
+"""Angles of a circle that is drawn, rad."""
 FARTHEST_M = 100_000.0
 """Distance beyond which a vehicle is not on the same map, m: the map is flat, the Earth is not."""
 
@@ -116,3 +119,28 @@ def _origin(platform: PlatformSnapshot | None, site: SiteSummary | None) -> GeoP
         return None
     x, y, height = vehicle.position_m
     return TangentPlane(GeoPoint(*vehicle.geo)).geo_from_ned((-x, y, height))
+
+
+def position_of(platform: PlatformSnapshot) -> tuple[float, float, float] | None:
+    """Position of a vehicle in its own frame, from the newer of its two reports; None where it is unknown."""
+    motion, vehicle = platform.motion, platform.vehicle
+    if motion is not None and (vehicle is None or motion.received_s >= vehicle.received_s - 1.0):
+        x, y, height = motion.value.position_cm
+        return (x / 100.0, y / 100.0, height / 100.0) if motion.value.is_pose_valid else None
+    if vehicle is None or not vehicle.value.is_pose_valid:
+        return None
+    return vehicle.value.position_m
+
+
+def outline(area: Area) -> Plane:
+    """The edge of an area, closed: rows of metres north and east."""
+    if area.polygon_ne_m:
+        return np.array((*area.polygon_ne_m, area.polygon_ne_m[0]))
+    return np.column_stack((np.cos(CIRCLE), np.sin(CIRCLE))) * area.radius_m + area.center_ne_m
+
+
+def heading_deg_of(platform: PlatformSnapshot) -> float:
+    """Heading of a vehicle, clockwise from north, degrees."""
+    if platform.motion is not None:
+        return platform.motion.value.attitude_cdeg[2] / 100.0
+    return float(platform.vehicle.value.heading_deg) if platform.vehicle is not None else 0.0

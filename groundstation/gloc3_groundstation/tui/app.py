@@ -152,6 +152,11 @@ class StationApp(App[End | None]):
         return self._driver if isinstance(self._driver, BrowserDriver) else None
 
     @property
+    def tracks(self) -> Tracks:
+        """Where the vehicles have been."""
+        return self._tracks
+
+    @property
     def platform(self) -> PlatformSnapshot | None:
         """The platform in view."""
         return self._in_view.platform(self.desk.station.fleet)

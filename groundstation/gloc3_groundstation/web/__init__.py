@@ -3,4 +3,4 @@
 Both are view servers on loopback unless an address is given.
 """
 
-__all__ = ["live_view", "server", "terminal_view"]
+__all__ = ["access", "certificate", "live_view", "map_view", "server", "terminal_view", "tiles"]

@@ -1,36 +1,22 @@
 """The terminal in browsers: who it is shown to, what they are sent, and which of their keys count.
 
-One operator's window holds the terminal at a time; windows without rights mirror it. The server sends a beat on each
-websocket, behind the output that waits there. The page tells the operator when beats do not come, and returns the time
-of the last beat with each key: a key that was pressed before a standstill does not act after it.
+One operator's window holds the terminal at a time; windows without rights mirror it.
 """
 
 import asyncio
-from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, Protocol
 
 import msgspec
 
-from gloc3.errors import UNREADABLE
+from gloc3_groundstation.web.glass import Glass, parts_of
 
 if TYPE_CHECKING:
     from aiohttp import web
 
-BEAT_S: Final = 0.5
-"""Period of the beats; the page reports a standstill after 2 s without one."""
-KEY_AGE_S: Final = 3.0
-"""Keys that refer to an older beat are dropped."""
-HEARTBEAT_S: Final = 5.0
-"""Period of the websocket's pings; a browser counts as gone after half of it without an answer."""
-HELLO_S: Final = 10.0
-"""Time within which a page introduces itself."""
-MOST_WAITING: Final = 1_000_000
-"""Queued bytes for a slow browser, beyond which the terminal is redrawn once the browser has caught up."""
 NOT_YET_S: Final = 0.05
 LARGEST: Final = 1000
 """Columns or lines that a browser may ask for."""
-MOST_MS: Final = 1e15
 HOLD_KEY: Final = "\x00"
 """Control and space: holds on every screen, while typing too."""
 REPLACED: Final = (
@@ -76,78 +62,6 @@ class Hello(msgspec.Struct, frozen=True):
     """Whether it held the terminal before its connection was lost; True for a new one."""
 
 
-class Glass:
-    """Websocket of one browser, with a queue of output.
-
-    Args:
-        socket: the websocket.
-        now_s: the clock of the beats.
-        who: the browser, in words.
-        may_command: whether its keys count.
-    """
-
-    def __init__(
-        self, socket: "web.WebSocketResponse", now_s: Callable[[], float], who: str, *, may_command: bool
-    ) -> None:
-        self.socket: Final = socket
-        self.now_s: Final = now_s
-        self.who: Final = who
-        self.may_command: Final = may_command
-        self.columns, self.lines = 80, 24
-        self.window = ""
-        self.is_behind = False
-        """Whether output was dropped, so that all must be redrawn."""
-        self._waiting = bytearray()
-        self._messages: deque[bytes] = deque(maxlen=64)
-        self._has_some = asyncio.Event()
-
-    def show(self, data: bytes) -> None:
-        """Queues output of the terminal."""
-        if len(self._waiting) + len(data) > MOST_WAITING:
-            self.is_behind = True
-            self._waiting.clear()
-        elif not self.is_behind:
-            self._waiting += data
-        self._has_some.set()
-
-    def notify(self, *message: object) -> None:
-        """Queues a message to the page."""
-        self._messages.append(msgspec.json.encode(message))
-        self._has_some.set()
-
-    def age_s(self, beat_ms: object) -> float:
-        """How long ago the beat was sent that a key refers to; infinity for none of this station's."""
-        is_number = isinstance(beat_ms, int | float) and abs(beat_ms) < MOST_MS
-        age_s = self.now_s() - beat_ms / 1000.0 if is_number else -1.0  # type: ignore[operator]
-        return age_s if age_s > -0.001 else float("inf")
-
-    async def send(self, redraw: Callable[[], None]) -> None:
-        """Sends output, messages and beats until it is cancelled or the browser is gone."""
-        beat_s = self.now_s()
-        while not self.socket.closed:
-            try:
-                async with asyncio.timeout_at(beat_s):
-                    await self._has_some.wait()
-            except TimeoutError:
-                pass
-            self._has_some.clear()
-            if self.is_behind:
-                self.is_behind = False
-                redraw()
-            data, self._waiting = bytes(self._waiting), bytearray()
-            try:
-                if data:
-                    await self.socket.send_bytes(data)
-                while self._messages:
-                    await self.socket.send_str(self._messages.popleft().decode())
-                now_s = self.now_s()
-                if now_s >= beat_s:
-                    beat_s = now_s + BEAT_S
-                    await self.socket.send_str(f'["beat",{now_s * 1000.0:.0f}]')
-            except ConnectionError:
-                return
-
-
 class TerminalView:
     """The terminal, and the browsers that it is shown to."""
 
@@ -164,26 +78,14 @@ class TerminalView:
         self._station = station
         self._shown: Glass | None = None
         self._mirrors: dict[Glass, None] = {}
-        self.dropped_keys = 0
-        """Keys that came too late."""
 
     async def serve(self, socket: "web.WebSocketResponse", who: str, *, may_command: bool) -> None:
         """One browser's window, from its opening to its end."""
-        from aiohttp import WSMsgType
-
-        loop = asyncio.get_running_loop()
-        glass = Glass(socket, loop.time, who, may_command=may_command)
+        glass = Glass(socket, asyncio.get_running_loop().time, who, may_command=may_command)
         glass.notify("hello", {"station": self._station, "may_command": may_command})
-        sender = loop.create_task(glass.send(lambda: self._draw(glass)))
-        late = loop.call_later(HELLO_S, sender.cancel)
         try:
-            async for message in socket:
-                if message.type is WSMsgType.TEXT:
-                    late.cancel()
-                    self.receive(glass, message.data)
+            await glass.converse(lambda data: self.receive(glass, data), lambda: self._draw(glass))
         finally:
-            late.cancel()
-            sender.cancel()
             self._leave(glass)
 
     def close(self) -> None:
@@ -193,10 +95,7 @@ class TerminalView:
 
     def receive(self, glass: Glass, data: str) -> None:
         """Handles a message of the page; unknown ones are ignored."""
-        try:
-            kind, *values = msgspec.json.decode(data, type=list[object])
-        except (*UNREADABLE, ValueError):
-            return
+        kind, *values = parts_of(data)
         is_shown, window = self._shown is glass, self._window()
         match kind, *values:
             case "hello", dict(fields):
@@ -209,12 +108,12 @@ class TerminalView:
                     self._resize(glass.columns, glass.lines)
             case ("stdin" | "hold", *_) if not glass.may_command:
                 glass.notify("read_only")
-            case "stdin", str(text), beat_ms if self._is_current(glass, beat_ms):
+            case "stdin", str(text), beat_ms if glass.is_current(beat_ms):
                 if is_shown and window is not None:
                     window.typed(text)
                 elif "\r" in text and not is_shown:
                     self._replace(glass)
-            case "hold", beat_ms if self._is_current(glass, beat_ms):
+            case "hold", beat_ms if glass.is_current(beat_ms):
                 if not is_shown:
                     self._replace(glass)
                 if window is not None:
@@ -243,14 +142,6 @@ class TerminalView:
             self._replace(glass)
         else:
             self._hide(glass)
-
-    def _is_current(self, glass: Glass, beat_ms: object) -> bool:
-        age_s = glass.age_s(beat_ms)
-        if age_s <= KEY_AGE_S:
-            return True
-        self.dropped_keys += 1
-        glass.notify("dropped", round(min(age_s, 1e6), 1))
-        return False
 
     def _replace(self, glass: Glass) -> None:
         other, self._shown = self._shown, glass

@@ -9,7 +9,8 @@ from gloc3_groundstation.joysticks.defaults import XBOX, default_mapping
 from gloc3_groundstation.joysticks.device import JoystickDevice
 from gloc3_groundstation.joysticks.linux_reader import EventState
 from gloc3_groundstation.store.configuration import ConfigurationFile
-from gloc3_groundstation.web.terminal_view import LARGEST, Glass, TerminalView
+from gloc3_groundstation.web.glass import Glass
+from gloc3_groundstation.web.terminal_view import LARGEST, TerminalView
 
 
 @fuzz_target("gloc3_groundstation.store.configuration", "tomllib")

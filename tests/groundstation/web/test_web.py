@@ -9,6 +9,7 @@ import urllib.request
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
+from socket import gethostname
 from typing import Any, NamedTuple
 from urllib.error import HTTPError
 
@@ -29,8 +30,9 @@ from gloc3_groundstation.cli import session
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.tui.app import Opening, StationApp
-from gloc3_groundstation.web.server import WebOptions, WebServer, exposure
-from gloc3_groundstation.web.terminal_view import MOST_WAITING
+from gloc3_groundstation.web.glass import MOST_WAITING
+from gloc3_groundstation.web.map_view import MapSource
+from gloc3_groundstation.web.server import WebAddresses, WebOptions, WebServer
 
 pytestmark = pytest.mark.sockets
 
@@ -73,7 +75,7 @@ class Page:
                 while not is_so():
                     await self.take()
         except TimeoutError:
-            raise AssertionError(f"never shown: {what!r}\n{self.terminal.text()}") from None
+            raise AssertionError(f"never shown: {what!r}\n{self.terminal.text()}\n{self.messages[-9:]}") from None
 
     async def take(self) -> None:
         """Takes what comes next."""
@@ -90,6 +92,8 @@ class Page:
 
 class Served(NamedTuple):
     url: str
+    addresses: WebAddresses
+    warned: list[str]
     app: StationApp
     platform: ScriptedPlatform
     reported: list[str]
@@ -97,10 +101,16 @@ class Served(NamedTuple):
 
     @asynccontextmanager
     async def page(
-        self, columns: int = 100, lines: int = 30, origin: str | None = None, **hello: object
+        self,
+        columns: int = 100,
+        lines: int = 30,
+        origin: str | None = None,
+        cookie: str = "",
+        path: str = "ws",
+        **hello: object,
     ) -> AsyncIterator[Page]:
-        url = f"{self.url.replace('http', 'ws')}ws"
-        headers = {} if origin is None else {"Origin": origin}
+        url = f"{self.url.replace('http', 'ws')}{path}"
+        headers = {"Cookie": cookie} if origin is None else {"Origin": origin}
         async with connect(url, additional_headers=headers, compression=None, open_timeout=60.0) as websocket:
             page = Page(websocket, columns, lines)
             await page.introduce(**hello)
@@ -115,12 +125,16 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
     platform.delay_s = 0.001
     station = Station(exchange, platform.loop, "255", 11)
     app = StationApp(Desk(station, PLAN), opening=Opening(is_in_browser=True))
+    source = MapSource(app.desk, lambda: app.tracks)
     reported: list[str] = []
-    async with WebServer(lambda: app.window, options, lambda text, _: reported.append(text)).serving() as url:
+    warned: list[str] = []
+    server = WebServer(lambda: app.window, options, lambda text, _: reported.append(text), warned.append, source)
+    async with server.serving() as addresses:
+        url = (addresses.command or addresses.watch).partition("?")[0].replace(gethostname(), "127.0.0.1")
         ended = asyncio.create_task(app.run_async())
         platform.speak()
         try:
-            yield Served(url, app, platform, reported, ended)
+            yield Served(url, addresses, warned, app, platform, reported, ended)
         finally:
             app.exit()
             await ended
@@ -133,6 +147,10 @@ def emergencies(here: Served) -> list[Emergency]:
 
 
 def no_progress(text: str, is_watched: bool) -> None:
+    raise AssertionError(text)
+
+
+def no_warning(text: str) -> None:
     raise AssertionError(text)
 
 
@@ -356,35 +374,23 @@ async def test_what_cannot_be_understood_is_left_alone() -> None:
         await page.until("heron   HOLD   disarmed")
 
 
-async def test_beyond_this_computer_the_address_has_a_key_and_a_warning_names_what_it_opens() -> None:
-    async with served(WebOptions(host="0.0.0.0", port=0)) as here:
-        _, _, host, key, _ = here.url.split("/")
-        root = f"http://127.0.0.1:{host.rpartition(':')[2]}/"
-        assert len(key) >= 16
-        assert await status_of(f"{root}{key}/") == 200
-        for way in ("", "ws", "static/js/textual.js", "wrong/", "wrong/ws"):
-            assert await status_of(root + way) == 404
-        warning = exposure(here.url, "ann")
-        assert here.url in warning
-        for text in ("commands every vehicle", "as ann", "nothing is encrypted", "ssh -L"):
-            assert text in warning
-
-
 async def test_an_address_that_cannot_be_had_is_told_with_what_to_do() -> None:
     with socket.create_server(("127.0.0.1", 0)) as used:
         port = used.getsockname()[1]
         with pytest.raises(Refused, match=f"port {port}: address already in use; another port: --web-port"):
-            async with WebServer(lambda: None, WebOptions(port=port), no_progress).serving():
+            async with WebServer(lambda: None, WebOptions(port=port), no_progress, no_warning).serving():
                 pass
     with pytest.raises(Refused, match=r"on nowhere\.invalid port 0: .*--web-host"):
-        async with WebServer(lambda: None, WebOptions(host="nowhere.invalid", port=0), no_progress).serving():
+        async with WebServer(
+            lambda: None, WebOptions(host="nowhere.invalid", port=0), no_progress, no_warning
+        ).serving():
             pass
 
 
 async def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "textual_serve", None)
     with pytest.raises(Gloc3Error, match=r"--web needs textual-serve: pip install 'gloc3\[groundstation\]'"):
-        async with WebServer(lambda: None, WebOptions(), no_progress).serving():
+        async with WebServer(lambda: None, WebOptions(), no_progress, no_warning).serving():
             pass
 
 

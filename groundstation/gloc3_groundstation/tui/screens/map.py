@@ -7,7 +7,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 
 from gloc3.messages.watch import Want
-from gloc3_groundstation.mapping.ground import Ground
+from gloc3_groundstation.mapping.ground import Ground, position_of
 from gloc3_groundstation.mapping.progress import PathProgress
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.mapping.requested import Requested, requested
@@ -24,7 +24,6 @@ from gloc3_groundstation.tui.views.mission.map import (
     map_lines,
     map_title,
     own_place,
-    position_of,
     tone_of_vehicle,
     vehicle_lines,
 )

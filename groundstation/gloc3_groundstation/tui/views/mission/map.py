@@ -6,9 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gloc3.mission.model.fence import Area
 from gloc3.mission.model.states import ENDED, ActionState
-from gloc3_groundstation.mapping.ground import Ground, MapPlacement, Plane
+from gloc3_groundstation.mapping.ground import CIRCLE, Ground, MapPlacement, Plane, heading_deg_of, outline, position_of
 from gloc3_groundstation.mapping.projection import Projection, length_text, round_length
 from gloc3_groundstation.mapping.requested import ActionPath, Requested
 from gloc3_groundstation.station import wording
@@ -18,7 +17,6 @@ from gloc3_groundstation.tui.views.mission.traffic import TRAFFIC_SIGN, draw_tra
 from gloc3_groundstation.tui.widgets.canvas import CELL, CellCanvas
 from gloc3_groundstation.tui.widgets.lines import ONE_OF_MANY, Line, Span, Tone
 
-CIRCLE: Final = np.linspace(0.0, 2.0 * np.pi, 73)
 SURE: Final = sqrt(5.991)
 """Half axes of the ellipse in which a position is with 95 %, in standard deviations (chi square of two degrees)."""
 ARROW: Final = ((4.5, 0.0), (-3.0, 3.0), (-1.5, 0.0), (-3.0, -3.0))
@@ -102,24 +100,6 @@ def extent(chart: Chart) -> list[Plane]:
         if position is not None:
             parts.append(np.array([place.point(position)[:2]]))
     return parts
-
-
-def position_of(platform: PlatformSnapshot) -> tuple[float, float, float] | None:
-    """Position of a vehicle in its own frame, from the newer of its two reports; None where it is unknown."""
-    motion, vehicle = platform.motion, platform.vehicle
-    if motion is not None and (vehicle is None or motion.received_s >= vehicle.received_s - 1.0):
-        x, y, height = motion.value.position_cm
-        return (x / 100.0, y / 100.0, height / 100.0) if motion.value.is_pose_valid else None
-    if vehicle is None or not vehicle.value.is_pose_valid:
-        return None
-    return vehicle.value.position_m
-
-
-def outline(area: Area) -> Plane:
-    """The edge of an area, closed: rows of metres north and east."""
-    if area.polygon_ne_m:
-        return np.array((*area.polygon_ne_m, area.polygon_ne_m[0]))
-    return np.column_stack((np.cos(CIRCLE), np.sin(CIRCLE))) * area.radius_m + area.center_ne_m
 
 
 def is_within(parts: Iterable[Plane], projection: Projection) -> bool:
@@ -221,7 +201,7 @@ def _draw_vehicle(
     if is_in_view and not is_stale:
         _draw_ellipse(canvas, chart, platform, place, (position[0], position[1]))
     x, y = chart.projection.dot(north, east)
-    turn = radians(_heading_deg(platform) - chart.projection.up_deg)
+    turn = radians(heading_deg_of(platform) - chart.projection.up_deg)
     size, sign = (1.0, Tone.STRONG) if is_in_view and not is_stale else (0.7, tone)
     corners = [
         (x + size * (a * sin(turn) + b * cos(turn)), y - size * (a * cos(turn) - b * sin(turn))) for a, b in ARROW
@@ -237,12 +217,6 @@ def _draw_vehicle(
         if canvas.is_free(at, line, len(name)):
             canvas.text(at, line, name, Tone.CHOSEN if is_in_view and not is_stale else tone)
             break
-
-
-def _heading_deg(platform: PlatformSnapshot) -> float:
-    if platform.motion is not None:
-        return platform.motion.value.attitude_cdeg[2] / 100.0
-    return float(platform.vehicle.value.heading_deg) if platform.vehicle is not None else 0.0
 
 
 def _draw_setpoint(

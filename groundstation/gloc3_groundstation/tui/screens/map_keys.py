@@ -10,6 +10,7 @@ from textual.binding import Binding, BindingType
 
 from gloc3.errors import Gloc3Error
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.mapping.ground import position_of
 from gloc3_groundstation.mapping.handles import Point
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.services.actions import Action
@@ -18,7 +19,7 @@ from gloc3_groundstation.tui.dialogues.mission_files import MissionFileDialogue
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.screens.map_edit import REACH, MapEdit
-from gloc3_groundstation.tui.views.mission.map import Chart, own_place, position_of
+from gloc3_groundstation.tui.views.mission.map import Chart, own_place
 from gloc3_groundstation.tui.views.mission.map_edit import edit_lines, spacing_m, state_line
 from gloc3_groundstation.tui.widgets.canvas import CELL
 from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel

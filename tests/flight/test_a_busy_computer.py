@@ -43,7 +43,7 @@ def test_it_holds_goes_on_and_ends_at_home_however_often_something_is_late(
     text = MISSION.replace("FRAME", frame).replace("SET_OFF", set_off).replace("H]", f"{height}]")
     flight = Card(style, tmp_path)
     try:
-        flight.begin(text, platform=platform)
+        flight.begin(text, platform=platform, seed=1)
         flight.await_state("go", "running", 60.0)
         for topic, away_s in cycle(AWAY):
             if flight.mission.state != "running":

@@ -43,7 +43,7 @@ def driven(platform: str, folder: Path, around: dict[str, Any]) -> list[Vector3]
 @pytest.mark.parametrize(
     ("platform", "around", "near_m", "deep_m"),
     [
-        ("rover", {}, 0.8, 0.0),
+        ("rover", {"seed": 1}, 0.8, 0.0),
         ("boat", {"waves_m": 0.2, "current_m_s": 0.2}, 2.5, 0.0),
         ("auv", {}, 2.5, 5.0),
     ],

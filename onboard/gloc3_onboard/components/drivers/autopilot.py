@@ -47,6 +47,8 @@ UNANSWERED_S: Final = 30.0
 """Longest wait for the answer to a command whose effect is ours, s; the command protocol gives up before."""
 SURRENDER_S: Final = 10.0
 """Time after which a refused stop that is not repeated is dropped, s."""
+LOW_M: Final = 1.0
+"""Height above or below home at which the autopilot may have landed, m."""
 
 
 class ManoeuvreStep(NamedTuple):
@@ -233,6 +235,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 is_shadow=self._is_quiet,
                 may_settle=may_settle,
                 comes_down=self._machine.comes_down,
+                is_low=self._height_m is not None and abs(self._height_m) <= LOW_M,
                 may_return=self._stream.since_s is not None and behaviour.stream_before_guided_s > 0.0,
             )
             self._autopilot = state.payload
@@ -291,6 +294,12 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         """How far a take-off has come; None where nobody knows, as without a pose."""
         pose, begin = self._stream.young_pose(self._now_s), self._climbs_from_down_m
         return None if pose is None or begin is None else begin - pose.position_ned_m[2]
+
+    @property
+    def _height_m(self) -> float | None:
+        """Height above home; None where one of them is not known."""
+        pose, home = self._stream.pose, self._stream.home_ned_m
+        return None if pose is None or home is None else home[2] - pose.position_ned_m[2]
 
     @property
     def _away_m(self) -> float | None:

@@ -129,6 +129,7 @@ class PilotWatch:
         may_settle: bool = False,
         may_return: bool = False,
         comes_down: bool = False,
+        is_low: bool = False,
     ) -> None:
         """Handles the autopilot's state.
 
@@ -140,6 +141,7 @@ class PilotWatch:
                 hold.
             may_return: our stream restores guided mode.
             comes_down: our plan ends with a return or a landing of the autopilot, and its disarming.
+            is_low: it is about as high as home: that it has disarmed may be reported before that it stands.
         """
         if self._begins and now_s - self._polled_s > BLIND_S:
             self._seen = None
@@ -169,7 +171,7 @@ class PilotWatch:
                 may_settle=may_settle,
                 may_return=may_return,
                 may_come_down=may_come_down,
-                may_disarm=comes_down and before.landed is LandedState.ON_GROUND,
+                may_disarm=comes_down and (is_low or before.landed is LandedState.ON_GROUND),
             )
 
     def _compare(

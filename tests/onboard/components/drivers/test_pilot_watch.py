@@ -91,6 +91,13 @@ def test_the_autopilots_own_failsafe_takes_over_too() -> None:
     assert "the autopilot (failsafe)" in story.watch.reason
 
 
+def test_at_the_end_of_a_plan_the_disarming_may_be_received_before_the_ground() -> None:
+    story = in_flight(FlightMode.MISSION)
+    assert not story.see(flying(FlightMode.MISSION, is_armed=False), comes_down=True, is_low=True)
+    story = in_flight(FlightMode.MISSION)
+    assert story.see(flying(FlightMode.MISSION, is_armed=False), comes_down=True), "in the air it is somebody else's"
+
+
 def test_a_disarm_that_is_not_the_end_of_our_landing_is_somebody_elses() -> None:
     story = in_flight()
     assert story.see(standing(GUIDED))

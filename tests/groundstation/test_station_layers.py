@@ -43,7 +43,8 @@ def test_the_views_know_no_textual_either() -> None:
 
 
 def test_no_module_reads_the_clock_or_sleeps() -> None:
-    assert [(file, name) for file, name in imports(ROOT, "**/*.py") if name in ("time", "datetime")] == []
+    clocks = [(file, name) for file, name in imports(ROOT, "**/*.py") if name in ("time", "datetime")]
+    assert set(clocks) <= {("certificate.py", "datetime")}, "whose validity is a date; it is given the time"
     assert [file.name for file in ROOT.glob("**/*.py") if "sleep(" in file.read_text()] == []
 
 

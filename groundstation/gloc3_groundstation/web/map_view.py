@@ -122,9 +122,12 @@ class MapView:
             page.glass.notify("trails", trails)
 
     async def _feed(self, page: MapPage) -> None:
+        loop = asyncio.get_running_loop()
         while True:
             self.show(page)
-            await asyncio.sleep(PERIOD_S)
+            is_due = asyncio.Event()
+            loop.call_later(PERIOD_S, is_due.set)
+            await is_due.wait()
 
     def _requested(self, platform: PlatformSnapshot | None, now_s: float) -> tuple[Requested | None, bool]:
         text, is_loaded = self._texts.text_of(platform, self._desk.plan)

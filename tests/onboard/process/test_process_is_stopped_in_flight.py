@@ -19,7 +19,7 @@ pytestmark = pytest.mark.sockets
 def in_flight(sitl: Program, onboard: Program, station: Program) -> None:
     sitl.await_line(lambda line: "companion link" in line)
     onboard.await_line(lambda line: "components; log in" in line)
-    station.await_line(lambda line: "mode OFFBOARD" in line)
+    station.await_line(lambda line: "mode Offboard" in line)
 
 
 def logged(folder: Path, topic: str) -> list[tuple[float, Any]]:

@@ -158,6 +158,7 @@ async def test_the_wheel_zooms_about_the_mouse_and_a_drag_moves_the_map() -> Non
         await here.go("4")
         await here.until("map", "heron")
         screen = shown_map(here)
+        await here.wait(lambda: screen._projection.width < 2 * 120)  # the list of vehicles is beside it
         before = screen._projection
         await here.pilot.mouse_down("#map", offset=(20, 10))
         await here.pilot.hover("#map", offset=(26, 10))

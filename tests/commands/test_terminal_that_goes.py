@@ -23,6 +23,14 @@ pytestmark = pytest.mark.sockets
 SPARE_S = 10.0
 
 
+@pytest.fixture(autouse=True)
+def hears_hang_ups() -> Iterator[None]:
+    """Programs start without an ignored SIGHUP, as in a terminal emulator, also where the tests run under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 class Emulator:
     """A terminal emulator that only reads, and the station in it.
 

@@ -51,6 +51,11 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
+async def passed(seconds: float) -> None:
+    """Waits this time on the running loop's clock, virtual or not."""
+    await asyncio.sleep(seconds)
+
+
 class Clock:
     """The time of one process: `now_s()`, and what turns it into UTC for people and logs."""
 

@@ -1,7 +1,7 @@
 """Summaries that a platform sends to its stations: health, vehicle, mission, control, events (paper §V)."""
 
 from enum import StrEnum
-from typing import Final
+from typing import Final, Protocol
 
 import msgspec
 
@@ -40,6 +40,13 @@ class Cause(StrEnum):
     PILOT = "pilot"
     FAILSAFE = "failsafe"
     EMERGENCY = "emergency"
+
+
+class EventReport(Protocol):
+    """Sends an event; `cause` names what it follows from, such as a `Cause`."""
+
+    def __call__(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
+        """Sends it."""
 
 
 def component_cause(name: str) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import hypot
 
 from gloc3.messages.envelope import Severity
-from gloc3_groundstation.desk.plug_ins import PlugInScreen
+from gloc3_groundstation.plug_ins import PlugInScreen
 from gloc3_groundstation.station.alerts import AlertCause
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 

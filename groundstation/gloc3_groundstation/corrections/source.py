@@ -6,7 +6,7 @@ import ssl
 from collections.abc import Callable
 from typing import Final
 
-from gloc3.clock import Clock
+from gloc3.clock import Clock, passed
 from gloc3.errors import Refused
 from gloc3.messages.frames import GeoPoint
 from gloc3_groundstation.corrections.ntrip import (
@@ -75,7 +75,7 @@ class NetworkSource:
             except OSError as error:
                 self.problem = f"{self._source.host}: {_text(error)}"
             wait_s = FIRST_WAIT_S if self._has_data else wait_s
-            await self._wait(wait_s)
+            await passed(wait_s)
             wait_s = min(2.0 * wait_s, MOST_WAIT_S)
 
     async def _connect(self) -> None:
@@ -91,7 +91,7 @@ class NetworkSource:
             raise unknown_mountpoint(source, self._table or {})
         while mountpoint is not None and wants_position and self._position() is None:
             self.problem = f"{source.mountpoint} computes corrections for a position: waiting for a vehicle's"
-            await self._wait(POLL_PERIOD_S)
+            await passed(POLL_PERIOD_S)
         sentence = self._gga() if wants_position else ""
         reply, table = NtripReply(source, self._table), bytearray()
 
@@ -172,15 +172,6 @@ class NetworkSource:
             if timer is not None:
                 timer.cancel()
             writer.transport.abort()
-
-    async def _wait(self, period_s: float) -> None:
-        loop = asyncio.get_running_loop()
-        due = loop.create_future()
-        timer = loop.call_later(period_s, due.set_result, None)
-        try:
-            await due
-        finally:
-            timer.cancel()
 
 
 def _is_whole(table: bytearray) -> bool:

@@ -9,6 +9,7 @@ __all__ = [
     "desk",
     "events_desk",
     "flights",
+    "go_here",
     "mission_desk",
     "parameter_desk",
     "plan_desk",

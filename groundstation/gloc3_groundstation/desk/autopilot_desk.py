@@ -140,6 +140,21 @@ def in_words(action: Action, typed: str) -> str:
     return f"{action}{f' {typed}' if typed else ''}".replace("_", " ")
 
 
+def numbers_of(action: Action, typed: str) -> tuple[float, ...]:
+    """The numbers that were typed for a command.
+
+    Raises:
+        Refused: they are none, or too few.
+    """
+    try:
+        numbers = tuple(map(float, typed.replace(",", " ").split()))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != (3 if action is Action.GO_TO else 1):
+        raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
+    return numbers
+
+
 def values_of(action: Action, typed: str, platform: PlatformSnapshot | None) -> tuple[float, ...]:
     """The values of a command as they were typed, as the service takes them.
 
@@ -148,13 +163,7 @@ def values_of(action: Action, typed: str, platform: PlatformSnapshot | None) -> 
     """
     if not OFFERS[action].values:
         return ()
-    parts = typed.replace(",", " ").split()
-    try:
-        numbers = tuple(map(float, parts))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != (3 if action is Action.GO_TO else 1):
-        raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
+    numbers = numbers_of(action, typed)
     if action is not Action.GO_TO:
         return numbers
     vehicle = platform.vehicle.value if platform is not None and platform.vehicle is not None else None

@@ -17,13 +17,13 @@ from gloc3_groundstation.desk.events_desk import EventsDesk
 from gloc3_groundstation.desk.fleet_desk import FleetDesk, LinkStore
 from gloc3_groundstation.desk.flights import End, FarAway, Follower
 from gloc3_groundstation.desk.mission_desk import MissionDesk
-from gloc3_groundstation.desk.plug_ins import PlugIns
 from gloc3_groundstation.desk.preflight_desk import PreflightDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.desk.vehicle_commands import VehicleCommands
 from gloc3_groundstation.joysticks.mapping import JoystickMapping
 from gloc3_groundstation.missions.first_waypoint import far_away
 from gloc3_groundstation.missions.plans import CheckedPlan
+from gloc3_groundstation.plug_ins import PlugIns
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
 from gloc3_groundstation.station.snapshots import PlatformSnapshot

@@ -7,6 +7,7 @@ from typing import Final
 
 import msgspec
 
+from gloc3.clock import passed
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.envelope import Severity
@@ -276,7 +277,7 @@ async def start(
             if refusal.reply.reason != said:
                 said = refusal.reply.reason
                 station.note(platform, Severity.INFO, f"waiting, since {said}")
-        await passed(station, SETTLES_PERIOD_S)
+        await passed(SETTLES_PERIOD_S)
     station.note(platform, Severity.INFO, "the mission is started")
     return Follower(station.now_s())
 
@@ -355,12 +356,6 @@ async def follow_all(station: Station, followers: "Mapping[str, Follower]") -> E
             reason = f"{whose}{end.reason}" if end.reason else whose.removesuffix(": ")
             return End(state=end.state, reason=reason, by=end.by)
     return ends[0]
-
-
-async def passed(station: Station, seconds: float) -> None:
-    """Waits this time on the station's clock."""
-    until_s = station.now_s() + seconds
-    await until(station, lambda: station.now_s() >= until_s)
 
 
 async def until(station: Station, is_so: Callable[[], bool]) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Final
 
+from gloc3.clock import passed
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk.autopilot_desk import BY_ITSELF, AutopilotDesk
@@ -114,9 +115,7 @@ class StickFlight:
         if self._reading is None:
             self._reading = self._loop.create_task(self._read_parameters(services, family))
         if family.modes.get(self.mode) != "":
-            with suppress(TimeoutError):
-                async with asyncio.timeout(SETTLE_S):
-                    await asyncio.Event().wait()
+            await passed(SETTLE_S)
             try:
                 await self._first_of(family.begins)
             except Refused:

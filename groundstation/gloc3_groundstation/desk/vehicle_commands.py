@@ -5,20 +5,22 @@ A vehicle without a companion is commanded through its autopilot; with one, the 
 
 import asyncio
 from collections.abc import Callable, Mapping
-from math import cos, hypot, radians
+from math import hypot
 from typing import Any, Final
 
 import msgspec
 
+from gloc3.clock import passed
 from gloc3.errors import Gloc3Error, NoContact, Refused, nearest
 from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.summaries import VehicleSummary
 from gloc3.messages.vehicle import LandedState
 from gloc3.mission.model.model import GEO
 from gloc3.mission.model.states import ENDED, ActionState
 from gloc3_groundstation.desk import flights
-from gloc3_groundstation.desk.autopilot_desk import OFFERS, AutopilotDesk, in_words, values_of
+from gloc3_groundstation.desk.autopilot_desk import OFFERS, AutopilotDesk, in_words, numbers_of, values_of
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.services.actions import BY_MODE, RESTS, Action
 from gloc3_groundstation.station import wording
@@ -41,8 +43,6 @@ WINGS: Final = ("fixed wing", "vtol")
 ARMED_AT_HOME: Final = (*WINGS, "ground rover", "surface boat", "submarine")
 """Those that stay armed at the end of a return."""
 PLANS: Final = ("AUTO.MISSION", "AUTO")
-METRES_PER_DEG: Final = 111_320.0
-"""One degree of latitude, m."""
 READIED: Final = (Action.ARM, Action.TAKE_OFF, Action.START_PLAN)
 """Refused while the autopilot is not ready, which often passes."""
 SINGLE: Final[Mapping[Action, str]] = {
@@ -152,7 +152,7 @@ class VehicleCommands:
                 if str(refusal) != reported:
                     reported = str(refusal)
                     self._station.note(name, Severity.INFO, f"{command}: waiting, since {reported}")
-            await flights.passed(self._station, AGAIN_S)
+            await passed(AGAIN_S)
 
     def _shown_by(self, name: str, command: VehicleCommand, before: PlatformSnapshot) -> Callable[[], bool]:
         """Whether an autopilot's telemetry shows a command done."""
@@ -264,8 +264,7 @@ def _is_at(vehicle: VehicleSummary, place: tuple[float, ...], near_m: float) -> 
     """Whether a vehicle is near a place: latitude, longitude in degrees, altitude in m."""
     if vehicle.geo is None:
         return False
-    north_m = (place[0] - vehicle.geo[0]) * METRES_PER_DEG
-    east_m = (place[1] - vehicle.geo[1]) * METRES_PER_DEG * cos(radians(place[0]))
+    north_m, east_m, _ = TangentPlane(GeoPoint(*vehicle.geo)).ned_from_geo(*place[:3])
     return hypot(north_m, east_m) <= near_m and abs(place[2] - vehicle.geo[2]) <= max(near_m, NEAR_M)
 
 
@@ -281,12 +280,7 @@ def _arguments(platform: PlatformSnapshot, command: VehicleCommand) -> dict[str,
         case Action.HOLD:
             return {"duration_s": HELD_S}
         case Action.GO_TO:
-            try:
-                position = [float(part) for part in command.typed.replace(",", " ").split()]
-            except ValueError:
-                position = []
-            if len(position) != 3:
-                raise Refused(f"{command.typed!r}: {OFFERS[command.action].values} is expected")
+            position = list(numbers_of(command.action, command.typed))
             frame = platform.vehicle.value.frame if platform.vehicle is not None else ""
             return {"position" if frame in ("", GEO) else "position_m": position}
         case _:

@@ -4,7 +4,7 @@ Each is what the last message said, with the time when it came; what was never r
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from math import cos, hypot, isfinite, radians
+from math import hypot, isfinite
 from typing import Final
 
 import msgspec
@@ -12,10 +12,10 @@ import msgspec
 from gloc3.mavlink import codec
 from gloc3.mavlink.flight_modes import PX4
 from gloc3.mavlink.message import Address, MavlinkMessage
+from gloc3.messages.frames import GeoPoint, TangentPlane
 
 STALE_S: Final = 10.0
 """Age from which a reading counts as stale, s: several periods of its message."""
-METRES_PER_DEG: Final = 111_195.0
 VIBRATION_HIGH_M_S2, VIBRATION_TOO_HIGH_M_S2 = 30.0, 60.0
 """ArduPilot's bounds."""
 RATIO_HIGH, RATIO_TOO_HIGH = 0.5, 1.0
@@ -219,6 +219,5 @@ class ReadingsWatch:
 
 def _distance_m(home: tuple[float, float], place: MavlinkMessage) -> float:
     """Horizontal distance, on the plane about home."""
-    north_m = (place.lat / 1e7 - home[0]) * METRES_PER_DEG
-    east_deg = (place.lon / 1e7 - home[1] + 180.0) % 360.0 - 180.0
-    return hypot(north_m, east_deg * METRES_PER_DEG * cos(radians(home[0])))
+    north_m, east_m, _ = TangentPlane(GeoPoint(*home, 0.0)).ned_from_geo(place.lat / 1e7, place.lon / 1e7, 0.0)
+    return hypot(north_m, east_m)

@@ -12,6 +12,7 @@ from typing import Final
 import msgspec
 from msgspec.structs import replace
 
+from gloc3.clock import passed
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.envelope import Severity
 from gloc3.mission.model.model import digest_of
@@ -112,7 +113,7 @@ class ContactQueue:
 
     async def _send_all(self, name: str) -> None:
         """Sends what waits for a platform, one after the other, as long as there is contact."""
-        await flights.passed(self._station, SETTLE_S)
+        await passed(SETTLE_S)
         while (waiting := self.of(name)) and not self._is_silent(name):
             queued = waiting[0]
             if self._is_sending(name):
@@ -123,16 +124,16 @@ class ContactQueue:
                 await self._bring(queued)
             except Unanswered as error:  # the contact is lost: it goes on at the next
                 self._note(name, Severity.WARNING, f"{queued.plan.title!r} stays queued: {error}")
-                await flights.passed(self._station, AGAIN_S)
+                await passed(AGAIN_S)
             except InputError as error:
                 self._refuse(queued, error, str(error.findings[0]))
             except NotDelivered:
-                await flights.passed(self._station, AGAIN_S)
+                await passed(AGAIN_S)
             except Declined as error:
                 self._refuse(queued, error, str(error))
             except Gloc3Error as error:
                 if self._is_silent(name):
-                    await flights.passed(self._station, AGAIN_S)
+                    await passed(AGAIN_S)
                 else:
                     self._refuse(queued, error, str(error))
             else:

@@ -11,7 +11,7 @@ from typing import Final, Protocol
 
 import msgspec
 
-from gloc3.clock import VirtualLoop
+from gloc3.clock import VirtualLoop, passed
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange
 from gloc3.mavlink.message import Address
@@ -199,7 +199,7 @@ class LogPuller:
         await self._request(CutLog())
         until_s = self._station.now_s() + SETTLE_S
         while sum(log.is_open for log in await self.list()) > 2 and self._station.now_s() < until_s:
-            await flights.passed(self._station, TRY_AGAIN_S)
+            await passed(TRY_AGAIN_S)
 
     async def list(self) -> list[LogOnboard]:
         """The logs onboard, by their names.
@@ -304,7 +304,7 @@ class LogPuller:
         return platform is None or platform.is_quiet_link(self._station.now_s())
 
     async def _note_contact(self) -> None:
-        await flights.passed(self._station, TRY_AGAIN_S)
+        await passed(TRY_AGAIN_S)
         await flights.until(self._station, lambda: not self._has_been_silent())
 
     @staticmethod

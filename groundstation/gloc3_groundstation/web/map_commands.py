@@ -1,42 +1,19 @@
 """Commands of the map page: hold, and going to a place after a confirmation; by the desk, as the terminal's."""
 
-from math import atan2, degrees, hypot, isfinite
-from typing import Any, Final
-
-import msgspec
+from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3_groundstation.desk.desk import Desk
-from gloc3_groundstation.mapping.ground import Ground, MapPlacement, position_of
-from gloc3_groundstation.missions.forms import arguments_of
-from gloc3_groundstation.services.actions import Action
-from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.desk.go_here import GoToRequest, go_to_request, last_event
+from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.web.map_data import key_of
 
-CAPABILITY: Final = "go_to"
 MOVED: Final = "the map has another origin now: choose the place again"
 
 
-class GoToRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """A place that the operator is asked to confirm."""
-
-    vehicle: str
-    question: str
-    height_m: float
-    """What is proposed: the height that it has now."""
-    height_name: str
-    """From where the height counts."""
-    is_own: bool
-    """Whether its autopilot is commanded itself, without a companion."""
-    field: str = ""
-    """The argument of the companion's capability."""
-    place: tuple[float, float] = (0.0, 0.0)
-    """Latitude and longitude in degrees, or x and y in metres, as the command has them."""
-
-
-def go_to_request(desk: Desk, vehicle: str, key: str, north_m: float, east_m: float) -> GoToRequest:
-    """Checks a place on the map, and prepares the question.
+def asked(desk: Desk, vehicle: str, key: str, north_m: float, east_m: float) -> GoToRequest:
+    """The question for a place on a page's map.
 
     Args:
         desk: commands the vehicle.
@@ -46,70 +23,15 @@ def go_to_request(desk: Desk, vehicle: str, key: str, north_m: float, east_m: fl
         east_m: of the plane's origin.
 
     Raises:
-        Refused: the vehicle cannot be sent there.
+        Refused: the vehicle cannot be sent there, or the page's plane is another one.
     """
     platform = desk.station.fleet.get(vehicle)
     if platform is None:
         raise Refused(f"{vehicle} is not known")
-    ground, position = Ground(platform), position_of(platform)
+    ground = Ground(platform)
     if key_of(ground) != key:
         raise Refused(MOVED)
-    if position is None or platform.vehicle is None:
-        raise Refused(f"the position of {vehicle} is not known")
-    if platform.vehicle.is_stale(desk.station.now_s()):
-        raise Refused(f"the position of {vehicle} is {platform.vehicle.age_s(desk.station.now_s()):.0f} s old")
-    own = ground.place(platform) or MapPlacement()
-    here = own.point(position)
-    away_m = hypot(north_m - here[0], east_m - here[1])
-    bearing_deg = degrees(atan2(east_m - here[1], north_m - here[0])) % 360.0
-    where = f"{away_m:.0f} m away{f', bearing {bearing_deg:03.0f}°' if ground.has_north else ''}"
-    is_own = desk.autopilots.is_its_own(platform)
-    field = "" if is_own else _field(desk, platform)
-    if is_own or field == "position":
-        geo = ground.geo(north_m, east_m)
-        if geo is None:
-            raise Refused("the map has no place on Earth, and the command needs one")
-        place, text = (geo.latitude_deg, geo.longitude_deg), f"{geo.latitude_deg:.6f}°, {geo.longitude_deg:.6f}°"
-        home_m = ground.site.home_m if ground.site is not None and not is_own else None
-        height_m, height_name = position[2] - (home_m[2] if home_m is not None else 0.0), "above home"
-    else:
-        place = own.local(north_m, east_m)
-        text = f"x {place[0]:.1f} m, y {place[1]:.1f} m"
-        height_m, height_name = position[2], f"in frame {ground.frame}" if ground.frame else "above the origin"
-    arms = not is_own and desk.missions.arms(vehicle, CAPABILITY)
-    return GoToRequest(
-        vehicle=vehicle,
-        question=f"Send {vehicle} to {text}, {where}?" + (" It arms and starts moving." if arms else ""),
-        height_m=round(height_m, 1),
-        height_name=height_name,
-        is_own=is_own,
-        field=field,
-        place=place,
-    )
-
-
-async def go_to(desk: Desk, request: GoToRequest, height_m: float) -> str:
-    """Carries out what was confirmed.
-
-    Returns:
-        What became of it, for the operator.
-
-    Raises:
-        Gloc3Error: it was refused, with the reason.
-    """
-    if not isfinite(height_m):
-        raise Refused("the height must be a number")
-    numbers = (*request.place, height_m)
-    if request.is_own:
-        typed = f"{numbers[0]:.8f}, {numbers[1]:.8f}, {numbers[2]:.2f}"
-        if not await desk.autopilots.act(request.vehicle, Action.GO_TO, typed):
-            raise Refused(_last_event(desk, request.vehicle))
-        return f"{request.vehicle}: go to: accepted by the autopilot"
-    row = desk.missions.capabilities(request.vehicle)[CAPABILITY]
-    form = desk.missions.form(request.vehicle, CAPABILITY)
-    arguments: dict[str, Any] = arguments_of(form, row, {request.field: ", ".join(f"{one:.8f}" for one in numbers)})
-    name = await desk.missions.request(request.vehicle, CAPABILITY, arguments)
-    return f"{request.vehicle}: go to: accepted as {name or 'a single action'}"
+    return go_to_request(desk, platform, ground, north_m, east_m)
 
 
 async def hold(desk: Desk, vehicle: str) -> str:
@@ -124,21 +46,5 @@ async def hold(desk: Desk, vehicle: str) -> str:
     if desk.station.fleet.get(vehicle) is None:
         raise Refused("there is no vehicle in view")
     if not await desk.emergency(vehicle, EmergencyVerb.HOLD):
-        raise Refused(_last_event(desk, vehicle))
+        raise Refused(last_event(desk, vehicle))
     return f"{vehicle}: HOLD accepted. Landing and disarming: HOLD in the terminal."
-
-
-def _field(desk: Desk, platform: PlatformSnapshot) -> str:
-    """The argument of the companion's capability that takes a place."""
-    if CAPABILITY not in desk.missions.capabilities(platform.name):
-        raise Refused(f"{platform.name} has no capability {CAPABILITY}")
-    form = desk.missions.form(platform.name, CAPABILITY)
-    fields = [field.name for field in form.fields if field.name in ("position", "position_m")]
-    if not fields:
-        raise Refused(f"the arguments of {CAPABILITY} are not known here")
-    return fields[0]
-
-
-def _last_event(desk: Desk, vehicle: str) -> str:
-    found = [event.text for event in desk.station.fleet.events if event.platform == vehicle]
-    return found[-1] if found else "it was not carried out"

@@ -5,8 +5,11 @@ from collections.abc import Callable, Coroutine
 from secrets import token_urlsafe
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from gloc3.clock import passed
 from gloc3.errors import Gloc3Error, Refused
+from gloc3_groundstation.desk import go_here
 from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.desk.go_here import GoToRequest
 from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.mapping.requested import Requested, requested
 from gloc3_groundstation.mapping.tracks import Tracks
@@ -14,7 +17,6 @@ from gloc3_groundstation.missions.plans import MissionTexts
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.web import map_commands
 from gloc3_groundstation.web.glass import Glass, parts_of
-from gloc3_groundstation.web.map_commands import GoToRequest
 from gloc3_groundstation.web.map_data import MapPlan, TrailFeed, picture_of, plan_of
 from gloc3_groundstation.web.tiles import TileInfo
 
@@ -102,7 +104,7 @@ class MapView:
                 if asked is None or asked[0] != name or now_s - asked[2] > CONFIRMED_S:
                     glass.notify("result", False, "the question is not open any more: choose the place again")
                 else:
-                    self._carry_out(page, map_commands.go_to(self._desk, asked[1], float(height)))
+                    self._carry_out(page, go_here.go_to(self._desk, asked[1], float(height)))
 
     def show(self, page: MapPage) -> None:
         """Sends what has changed; to a page that takes nothing, nothing."""
@@ -122,12 +124,9 @@ class MapView:
             page.glass.notify("trails", trails)
 
     async def _feed(self, page: MapPage) -> None:
-        loop = asyncio.get_running_loop()
         while True:
             self.show(page)
-            is_due = asyncio.Event()
-            loop.call_later(PERIOD_S, is_due.set)
-            await is_due.wait()
+            await passed(PERIOD_S)
 
     def _requested(self, platform: PlatformSnapshot | None, now_s: float) -> tuple[Requested | None, bool]:
         text, is_loaded = self._texts.text_of(platform, self._desk.plan)
@@ -141,7 +140,7 @@ class MapView:
     def _put_question(self, page: MapPage, name: str, key: str, place: tuple[float, float]) -> None:
         page.question = None
         try:
-            request = map_commands.go_to_request(self._desk, name, key, *place)
+            request = map_commands.asked(self._desk, name, key, *place)
         except Refused as refusal:
             page.glass.notify("result", False, f"{name}: go to: {refusal}")
             return

@@ -7,9 +7,8 @@ from typing import Final
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.heartbeat import MavlinkPeers, PeerChange
 from gloc3.messages.envelope import Severity
-from gloc3.messages.summaries import Cause
+from gloc3.messages.summaries import Cause, EventReport
 from gloc3_onboard.autopilot.families import NOT_SUPPORTED, style_of
-from gloc3_onboard.autopilot.link_reports import LinkReport
 from gloc3_onboard.autopilot.px4 import Px4
 from gloc3_onboard.autopilot.style import AutopilotStyle
 
@@ -36,7 +35,7 @@ class Identification:
         report: called with events.
     """
 
-    def __init__(self, own: Address, report: LinkReport) -> None:
+    def __init__(self, own: Address, report: EventReport) -> None:
         self.peers: Final = MavlinkPeers(own, expires_after_s=2.5)
         """Service that receives heartbeats; driven by its owner."""
         self.target: Address | None = None

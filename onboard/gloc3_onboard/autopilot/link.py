@@ -19,13 +19,14 @@ from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.signing import SignedOnly, Signing, timestamp
 from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import EventReport
 from gloc3.messages.vehicle import Style, VehicleClass
 from gloc3_onboard.autopilot.arm_authority import ArmPermissionRequest
 from gloc3_onboard.autopilot.commands import NO_OWNER, CommandDesk
 from gloc3_onboard.autopilot.events import AutopilotEvents
 from gloc3_onboard.autopilot.identification import Identification, IdentityChange
 from gloc3_onboard.autopilot.inspection import Inspection
-from gloc3_onboard.autopilot.link_reports import AlertRelay, LinkReport
+from gloc3_onboard.autopilot.link_reports import AlertRelay
 from gloc3_onboard.autopilot.plan_upload import FenceUpload, FileUpload, PlanUpload
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.autopilot.streams import StreamRequests, origin_request, prearm_checks
@@ -77,7 +78,7 @@ class AutopilotLink:
         loop: asyncio.AbstractEventLoop,
         clock: Clock,
         system_id: int = 1,
-        report: LinkReport = _report_nothing,
+        report: EventReport = _report_nothing,
         signing: Signing | None = None,
         why_not_arm: Callable[[], str] = lambda: "there is no arm authority here",
         more_names: Callable[[Style, VehicleClass], Sequence[str]] = lambda _style, _vehicle: (),

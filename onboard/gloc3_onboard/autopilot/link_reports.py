@@ -1,7 +1,7 @@
 """Link events: logged, narrated, and sent to the stations like those of a component."""
 
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
@@ -12,13 +12,6 @@ SOURCE = "autopilot_link"
 SAID_S: Final = 30.0
 """A text of the autopilot that it repeats within this time is reported once, s."""
 MOST_TEXTS: Final = 32
-
-
-class LinkReport(Protocol):
-    """Publishes an event of the link; `cause` names what it follows from, see `gloc3.messages.summaries.Cause`."""
-
-    def __call__(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
-        """Sends it."""
 
 
 class LinkReports:

@@ -13,9 +13,8 @@ from gloc3.errors import Refused
 from gloc3.messages.command_interface import OURSELVES, QUERIES, CiRequest, Control, ControlVerb, Hello, StationRole
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.software import Software
-from gloc3.messages.summaries import ControlState, StationHeard
+from gloc3.messages.summaries import ControlState, EventReport, StationHeard
 from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
-from gloc3_onboard.command_server.site import Report
 
 ANSWER_S: Final = 10.0
 """Time for the holder to answer a request, s; without an answer it is granted if the holder is lost, else refused."""
@@ -151,7 +150,7 @@ class Authority:
         report: sends an event to the stations.
     """
 
-    def __init__(self, kept_holder: str, report: Report) -> None:
+    def __init__(self, kept_holder: str, report: EventReport) -> None:
         self.control: Final = ControlAuthority()
         self.demands: Final = Demands(self.control, report)
         self._kept_holder, self._report = kept_holder, report
@@ -236,7 +235,7 @@ class Demands:
         report: sends warnings to stations.
     """
 
-    def __init__(self, authority: ControlAuthority, report: Report) -> None:
+    def __init__(self, authority: ControlAuthority, report: EventReport) -> None:
         self._authority, self._refuse_text = authority, report
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
         """Current session of each sender."""

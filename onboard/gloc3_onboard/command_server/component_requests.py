@@ -9,10 +9,10 @@ from gloc3.component.lci import CREATE, OPERATING, Command, transition
 from gloc3.errors import Refused
 from gloc3.messages.command_interface import FORCE, CallFunction, CiReply, CiRequest, CommandComponent, Outcome, Watch
 from gloc3.messages.envelope import CommandReply, CommandRequest, FunctionReply, FunctionRequest, Severity
+from gloc3.messages.summaries import EventReport
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.observing import Observing
-from gloc3_onboard.command_server.site import Report
 
 ANSWER_S: Final = 8.0
 """A component that has not answered within this time leaves its request's outcome unknown."""
@@ -43,7 +43,7 @@ class _Open(NamedTuple):
 class ComponentRequests:
     """Keeps each request until its component replies or times out."""
 
-    def __init__(self, observing: Observing, report: Report) -> None:
+    def __init__(self, observing: Observing, report: EventReport) -> None:
         self.messages: list[ForComponent] = []
         """Pending messages to components."""
         self._observing, self._book, self._report = observing, observing.book, report

@@ -26,6 +26,7 @@ from gloc3.messages.command_interface import (
 )
 from gloc3.messages.envelope import Severity
 from gloc3.messages.preflight import PreflightReport, summary
+from gloc3.messages.summaries import EventReport
 from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.executing.executor import MissionExecutor
@@ -36,7 +37,7 @@ from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.mission_host import MissionHost
 from gloc3_onboard.command_server.observing import Observing
-from gloc3_onboard.command_server.site import Report, Site
+from gloc3_onboard.command_server.site import Site
 from gloc3_onboard.command_server.start_gate import Begin, HeldRequest, StartGate
 from gloc3_onboard.command_server.summaries import geofence_of
 
@@ -79,7 +80,7 @@ class MissionCommands:
     """
 
     def __init__(
-        self, site: Site, observing: Observing, authority: Authority, host: MissionHost, report: Report
+        self, site: Site, observing: Observing, authority: Authority, host: MissionHost, report: EventReport
     ) -> None:
         self.gate: Final = StartGate(site.platform, observing)
         """What every start has to pass."""

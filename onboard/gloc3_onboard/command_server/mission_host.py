@@ -6,7 +6,7 @@ from typing import Any, Final
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
 from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
 from gloc3.messages.frames import GeoPoint, TangentPlane
-from gloc3.messages.summaries import Cause
+from gloc3.messages.summaries import Cause, EventReport
 from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
@@ -40,7 +40,7 @@ from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.authority import ControlAuthority
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
-from gloc3_onboard.command_server.site import Report, ServerSettings, Site
+from gloc3_onboard.command_server.site import ServerSettings, Site
 from gloc3_onboard.command_server.summaries import RequestCounts
 from gloc3_onboard.command_server.vehicle_state import VehicleState
 
@@ -73,7 +73,7 @@ class MissionHost:
     """
 
     def __init__(
-        self, site: Site, observing: Observing, control: ControlAuthority, settings: ServerSettings, report: Report
+        self, site: Site, observing: Observing, control: ControlAuthority, settings: ServerSettings, report: EventReport
     ) -> None:
         self.executor: MissionExecutor | None = None
         """None until the previous process's state is restored."""

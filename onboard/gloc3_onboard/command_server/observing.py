@@ -10,7 +10,7 @@ from gloc3.component.supervision import LciRequest, Step, Supervision, Supervisi
 from gloc3.messages.envelope import CommandReply, CommandRequest, ComponentStatus, Envelope, Severity
 from gloc3.messages.hosts import HostPresence
 from gloc3.messages.readiness import AutopilotSetup, ComputerState
-from gloc3.messages.summaries import Cause, Health, component_cause
+from gloc3.messages.summaries import Cause, EventReport, Health, component_cause
 from gloc3.messages.vehicle import (
     AutopilotState,
     DriverState,
@@ -24,7 +24,6 @@ from gloc3.mission.model.abilities import abilities
 from gloc3.platform.places import place_of
 from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.component_book import ComponentBook
-from gloc3_onboard.command_server.site import Report
 from gloc3_onboard.command_server.vehicle_state import KeptHome, VehicleState
 
 STOOD_STILL_S: Final = 0.3
@@ -71,7 +70,7 @@ class Observing:
         process: a random number of this process.
     """
 
-    def __init__(self, platform: Platform, home: KeptHome | None, report: Report, process: int = 0) -> None:
+    def __init__(self, platform: Platform, home: KeptHome | None, report: EventReport, process: int = 0) -> None:
         self.snapshot: Final = VehicleState(platform, home)
         self.book: Final = ComponentBook(platform.components, process, platform.digest())
         self.supervision: Supervision | None = None

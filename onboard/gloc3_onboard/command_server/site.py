@@ -1,14 +1,13 @@
 """The command interface server's settings, its platform, and the files that survive the process."""
 
 from concurrent.futures import Executor
-from typing import Annotated, Final, NamedTuple, Protocol
+from typing import Annotated, Final, NamedTuple
 
 import msgspec
 
 from gloc3.component.settings import Bounds, Settings
 from gloc3.component.workers import ImmediateExecutor
 from gloc3.errors import UNREADABLE
-from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.platform.platform import Platform
 from gloc3.store import Records, RecordStore
@@ -18,13 +17,6 @@ from gloc3_onboard.command_server.report_store import ReportStore
 from gloc3_onboard.command_server.vehicle_state import KeptHome
 
 Mark = tuple[int, ...]
-
-
-class Report(Protocol):
-    """Sends an event to the stations; `cause` names what it follows from, see `gloc3.messages.summaries.Cause`."""
-
-    def __call__(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
-        """Sends it."""
 
 
 class ServerSettings(Settings, frozen=True):

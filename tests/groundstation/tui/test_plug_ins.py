@@ -21,7 +21,7 @@ def line(platform, now_s):
 def lines(fleet, platform, now_s):
     return 1 // 0
 
-from gloc3_groundstation.desk.plug_ins import PlugInScreen
+from gloc3_groundstation.plug_ins import PlugInScreen
 SCREEN = PlugInScreen(title="Broken", help="", lines=lines)
 NOTHING = 7
 """

@@ -59,7 +59,9 @@ class MissionExecutor:
             Refused: the previous one is running.
         """
         self.refuse_running()
-        self._refuse_claimed(mission, [program for name, program in self.board.programs.items() if name != MISSION])
+        flow.make_room(
+            self.board, mission, [program for name, program in self.board.programs.items() if name != MISSION]
+        )
         self.board.program(MISSION, mission)
         self.settle(now_s)
 
@@ -134,7 +136,7 @@ class MissionExecutor:
         """
         board = self.board
         flow.refuse_while_unfit(board)
-        self._refuse_claimed(mission, list(board.programs.values()))
+        flow.make_room(self.board, mission, list(board.programs.values()))
         before = flow.redirected(board, mission)
         flow.check_readiness(board, mission, replaced=before)
         manoeuvres.dismiss(board, now_s)
@@ -451,16 +453,6 @@ class MissionExecutor:
             provides: the topics that only it publishes, and the component that it substitutes.
         """
         return [assignment.label for assignment in self.board.users(component, provides)]
-
-    def _refuse_claimed(self, mission: Mission, programs: list[MissionProgram]) -> None:
-        """Makes room for new tasks: single commands that have ended go."""
-        board = self.board
-        for name in [name for name, previous in board.programs.items() if name != MISSION and not previous.is_open]:
-            del board.programs[name]
-        claimed = {task for program in programs if program.name in board.programs for task in program.tasks}
-        for task in mission.tasks:
-            if task in claimed:
-                raise Refused(f"task {task!r} already exists")
 
     def settle(self, now_s: float) -> None:
         """Does everything that can be done now."""

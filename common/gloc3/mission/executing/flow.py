@@ -1,5 +1,6 @@
 """Starts and advances programs: ends and starts items, and watches guards, loops, deadlines and availability."""
 
+from collections.abc import Iterable
 from enum import Enum, auto
 from math import inf
 from typing import Final
@@ -75,6 +76,20 @@ def busy(manoeuvre: PolicyManoeuvre) -> str:
     """Why nothing else begins while a contingency runs."""
     task = manoeuvre.contingency.task if manoeuvre.contingency is not None else ""
     return f"the contingency {task} is under way ({manoeuvre.cause}); skip or abort it first"
+
+
+def make_room(board: Board, mission: Mission, programs: Iterable[MissionProgram]) -> None:
+    """Makes room for new tasks: single commands that have ended go.
+
+    Raises:
+        Refused: one of the programs has a task of that name.
+    """
+    for name in [name for name, previous in board.programs.items() if name != MISSION and not previous.is_open]:
+        del board.programs[name]
+    claimed = {task for program in programs if program.name in board.programs for task in program.tasks}
+    for task in mission.tasks:
+        if task in claimed:
+            raise Refused(f"task {task!r} already exists")
 
 
 def redirected(board: Board, mission: Mission) -> MissionProgram | None:

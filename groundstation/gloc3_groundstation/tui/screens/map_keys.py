@@ -1,31 +1,29 @@
 """Keys and mouse of the map's edit mode, and "go here": what the map screen and its editing have in common."""
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from contextlib import suppress
-from math import hypot
-from typing import Any, ClassVar, Final
+from math import hypot, isfinite
+from typing import ClassVar, Final
 
 from textual import on
 from textual.binding import Binding, BindingType
 
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.desk import go_here
 from gloc3_groundstation.mapping.ground import position_of
 from gloc3_groundstation.mapping.handles import Point
 from gloc3_groundstation.mapping.projection import Projection
-from gloc3_groundstation.services.actions import Action
-from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.dialogues.mission_files import MissionFileDialogue
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.screens.map_edit import REACH, MapEdit
-from gloc3_groundstation.tui.views.mission.map import Chart, own_place
+from gloc3_groundstation.tui.views.mission.map import Chart
 from gloc3_groundstation.tui.views.mission.map_edit import edit_lines, spacing_m, state_line
 from gloc3_groundstation.tui.widgets.canvas import CELL
 from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
 from gloc3_groundstation.tui.widgets.lines import Line
 
-GO_QUESTION: Final = "Send {} to {}, at {:g} m?"
 EDIT_ACTIONS: Final = frozenset(
     {"place", "leave", "add", "remove", "choose", "raise_by", "raise_to", "draw", "undo", "redo", "save"}
 )
@@ -233,21 +231,23 @@ class EditableMap(StationScreen):
         platform, chart = self.view.platform if self.view is not None else None, self._chart_seen
         if platform is None or chart is None:
             return
-        place = self.cursor_place()
-        problem, words, send = self._way_to(platform, chart, place)
-        if problem:
-            self.desk.station.note(platform.name, Severity.ERROR, f"go here: {problem}")
+        try:
+            request = go_here.go_to_request(self.desk, platform, chart.ground, *self.cursor_place())
+        except Refused as refusal:
+            self.desk.station.note(platform.name, Severity.ERROR, f"go here: {refusal}")
             self.show_again()
             return
-        position, site = position_of(platform), chart.ground.site
-        home_m = site.home_m[2] if site is not None and site.home_m is not None else 0.0
-        height_m = position[2] - (home_m if self._goes_by_geo(platform) else 0.0) if position is not None else 2.0
+
+        async def send(height_m: float) -> None:
+            with suppress(Gloc3Error):  # it is noted
+                await go_here.go_to(self.desk, request, height_m)
 
         def typed(numbers: tuple[float, ...]) -> None:
-            question = GO_QUESTION.format(platform.name, words, numbers[0])
-            self.confirm(question, "go there", lambda: self.do(send(numbers[0])))
+            height = f"{numbers[0]:g} m {request.height_name}"
+            self.confirm(f"{request.question} At {height}.", "go there", lambda: self.do(send(numbers[0])))
 
-        self._prompt(f"send {platform.name} to {words}: at which height, m", f"{max(height_m, 0.0):.1f}", 1, typed)
+        height_m = max(request.height_m, 0.0)
+        self._prompt(f"go here: at which height {request.height_name}, m", f"{height_m:.1f}", 1, typed)
 
     # --- the mouse ---
 
@@ -345,59 +345,13 @@ class EditableMap(StationScreen):
                 numbers = tuple(float(part) for part in text.replace(",", " ").split())
             except ValueError:
                 numbers = ()
-            if len(numbers) == count:
+            if len(numbers) == count and all(map(isfinite, numbers)):
                 do(numbers)
             else:
                 self.desk.station.note("", Severity.ERROR, f"{text!r}: {count} numbers are needed")
             self._shown_again()
 
         self.app.push_screen(TextQuestion(question, value), answered)
-
-    def _way_to(
-        self, platform: PlatformSnapshot, chart: Chart, place: Point
-    ) -> tuple[str, str, Callable[[float], Coroutine[Any, Any, None]]]:
-        """Why a vehicle cannot be sent to a place (empty if it can), the place in words, and what sends it there."""
-        desk, geo = self.desk, chart.ground.geo(*place)
-        name = platform.name
-        x, y = own_place(chart).local(*place)
-        is_own = desk.autopilots.is_its_own(platform)
-        by_geo = is_own or self._goes_by_geo(platform)
-        words = (
-            f"{geo.latitude_deg:.6f}, {geo.longitude_deg:.6f}"
-            if by_geo and geo is not None
-            else f"x {x:.1f}, y {y:.1f}"
-        )
-
-        async def send(height_m: float) -> None:
-            if is_own and geo is not None:
-                typed = f"{geo.latitude_deg:.7f}, {geo.longitude_deg:.7f}, {height_m:.2f}"
-                await desk.autopilots.act(name, Action.GO_TO, typed)
-                return
-            if by_geo and geo is not None:
-                arguments = {"position": [round(geo.latitude_deg, 7), round(geo.longitude_deg, 7), height_m]}
-            else:
-                arguments = {"position_m": [round(x, 2), round(y, 2), height_m]}
-            with suppress(Gloc3Error):  # it is noted
-                await desk.missions.request(name, "go_to", arguments)
-
-        problem = ""
-        if by_geo and geo is None:
-            problem = "its place on Earth is not known"
-        elif is_own and Action.GO_TO not in desk.autopilots.offers(platform):
-            problem = "it is not armed: take off first"
-        elif not is_own and "go_to" not in desk.missions.capabilities(name):
-            problem = "its platform has no go_to"
-        return problem, words, send
-
-    def _goes_by_geo(self, platform: PlatformSnapshot) -> bool:
-        """Whether single actions of a vehicle are written in latitude and longitude."""
-        if self.desk.autopilots.is_its_own(platform):
-            return True
-        capabilities = self.desk.missions.capabilities(platform.name)
-        if "go_to" not in capabilities:
-            return False
-        form = self.desk.missions.form(platform.name, "go_to")
-        return any(field.name == "position" for field in form.fields)
 
     def _show_nearest(self) -> None:
         """Shows the vehicle that was clicked."""

@@ -112,7 +112,7 @@ HIGHRES_IMU, SCALED_IMU, OBSTACLE_DISTANCE, GPS_RAW_INT, WHEEL_DISTANCE = 105, 2
 IMU_OF: Final = {Style.PX4: HIGHRES_IMU, Style.ARDUPILOT: SCALED_IMU}
 IMU_HZ: Final = 100.0
 SCAN_HZ: Final = 10.0
-FIX_HZ: Final = 2.0
+FIX_HZ: Final = 5.0
 WHEELS_HZ: Final = 10.0
 THREE_D: Final = 3
 """GPS_FIX_TYPE from which there is a place."""

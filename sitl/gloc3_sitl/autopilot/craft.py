@@ -44,6 +44,8 @@ class TouchdownDetector:
     """How long the signs of touchdown must last."""
     CERTAIN_S = 3.0
     """Time without thrust and motion after which the vehicle counts as landed, whatever the range finder reads, s."""
+    IDLE_M_S = 1.0
+    """What does not fall faster than this at the least thrust stands on something, m/s."""
     UNSEEN_S = 8.0
     """Time at the least thrust, without turning, after which it counts as landed where its climb is not known (PX4)."""
 
@@ -71,8 +73,9 @@ class TouchdownDetector:
                 self._become(False, now_s)
             return
         if signs.is_climb_known:
-            is_down = signs.thrust_share < 0.6 and abs(signs.speed_down_m_s) < 0.25
-            lasts_s = self.CERTAIN_S if signs.height_m > 0.5 else self.SETTLE_S
+            is_still = signs.thrust_share < 0.6 and abs(signs.speed_down_m_s) < 0.25
+            is_down = is_still or (signs.is_idle and abs(signs.speed_down_m_s) < self.IDLE_M_S)
+            lasts_s = self.CERTAIN_S if signs.height_m > 0.5 or not is_still else self.SETTLE_S
         else:
             is_down, lasts_s = signs.is_idle, self.UNSEEN_S
         if not (signs.wants_down and is_down):

@@ -8,6 +8,7 @@ __all__ = [
     "choice",
     "driving",
     "hold",
+    "land",
     "orbit",
     "piloted",
     "submarine",

@@ -5,6 +5,11 @@ from gloc3_sitl.autopilot.behaviours.base import PERIOD_S, Mover
 from gloc3_sitl.autopilot.control.setpoint import LANDED, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.craft import Craft
 
+LAG_M = 0.3
+"""So far a descending vehicle is behind its goal anyway, m."""
+LEASH_M = 1.5
+"""Farthest distance from vehicle to goal, m."""
+
 
 class LandInPlace(Mover):
     """Holds the horizontal position and descends; done on the ground.
@@ -46,5 +51,31 @@ class LandInPlace(Mover):
         n, e, _ = hold.position_ned_m
         vn, ve, _ = hold.velocity_ned_m_s
         return MotionSetpoint(
-            position_ned_m=(n, e, float("nan")), velocity_ned_m_s=(vn, ve, self._descent_m_s), yaw_rad=hold.yaw_rad
+            position_ned_m=(n, e, float("nan")), velocity_ned_m_s=(vn, ve, self._sink(down)), yaw_rad=hold.yaw_rad
         )
+
+    def _sink(self, down_m: float) -> float:
+        """The vertical speed to fly, m/s down, at a height."""
+        return self._descent_m_s
+
+
+class LandAfterGoal(LandInPlace):
+    """ArduPilot's landing: a goal descends at the landing speed, and a vehicle that stays behind it descends faster.
+
+    So a vehicle whose estimate does not come down, by ground or by a frozen receiver, is soon at the least thrust.
+    """
+
+    __slots__ = ("_goal_down_m",)
+
+    def __init__(self, craft: Craft) -> None:
+        super().__init__(craft)
+        self._goal_down_m = craft.estimator.inertial.position_ned_m[2]
+
+    def on_jump(self, jump_ned_m: Vector3) -> None:
+        """The goal jumps with the estimate."""
+        super().on_jump(jump_ned_m)
+        self._goal_down_m += jump_ned_m[2]
+
+    def _sink(self, down_m: float) -> float:
+        self._goal_down_m = min(self._goal_down_m + self._descent_m_s * PERIOD_S, down_m + LEASH_M)
+        return self._descent_m_s + max(0.0, self._goal_down_m - down_m - LAG_M)

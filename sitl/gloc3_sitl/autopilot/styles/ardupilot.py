@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from gloc3_sitl.autopilot.behaviours.land import LandAfterGoal
 from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, StyleTables
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS, derive
 
@@ -58,6 +59,7 @@ ARDUPILOT: Final = StyleTables(
     mission_keeps_home=True,
     pilot_disarms_in_air=True,
     takeoff_in_streamed=True,
+    activities={Behaviour.LAND: LandAfterGoal},
     version=(4, 7, 0),
 )
 """ArduPilot Copter 4.7; the other vehicles' styles derive from it."""

@@ -6,7 +6,8 @@ from typing import Final, NamedTuple
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3.messages.envelope import Severity
-from gloc3_groundstation.desk.control import holder_of, require_operator
+from gloc3.messages.frames import GeoPoint
+from gloc3_groundstation.desk.control import holder_of, require_control, require_operator
 from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
@@ -118,6 +119,21 @@ class AutopilotDesk:
         else:
             await services.actions.act(action, *values_of(action, typed, platform))
         self._station.note(name, Severity.NOTICE, f"{in_words(action, typed)}: accepted by the autopilot")
+
+    async def set_home(self, name: str, place: GeoPoint) -> None:
+        """Moves the home of a vehicle's autopilot, also of one with a companion; read back at the end.
+
+        Raises:
+            Refused: this station may not, or the autopilot refuses; that is an event, too.
+        """
+        what = f"home to {place.latitude_deg:.7f}, {place.longitude_deg:.7f}, {place.altitude_m:.1f} m"
+        try:
+            require_control(self._station, name)
+            await self._services.vehicle(name).services.home.set(place)
+        except Refused as refusal:
+            self._station.note(name, Severity.ERROR, f"{what}: {refusal}")
+            raise
+        self._station.note(name, Severity.NOTICE, f"{what}: accepted by the autopilot, and read back")
 
     def require_control(self, platform: PlatformSnapshot | None, action: Action) -> None:
         """Checks who asks: in place of a silent companion the station that was in control, and every operator for hold.

@@ -1,11 +1,15 @@
-"""Sending a vehicle to a place on a map: checked, asked about, and commanded by the desk, on every map alike."""
+"""Sending a vehicle, or its home, to a place on a map: checked, asked about, and commanded by the desk, on every map alike."""
 
+from contextlib import suppress
 from math import atan2, degrees, hypot, isfinite
 from typing import Any, Final
 
 import msgspec
 
 from gloc3.errors import Refused
+from gloc3.messages.frames import GeoPoint
+from gloc3.terrain import GroundLevel
+from gloc3_groundstation.desk.control import require_control
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.mapping.ground import Ground, MapPlacement, position_of
 from gloc3_groundstation.missions.forms import arguments_of
@@ -104,6 +108,51 @@ async def go_to(desk: Desk, request: GoToRequest, height_m: float) -> str:
     arguments: dict[str, Any] = arguments_of(form, row, {request.field: ", ".join(f"{one:.8f}" for one in numbers)})
     name = await desk.missions.request(request.vehicle, CAPABILITY, arguments)
     return f"{request.vehicle}: go to: accepted as {name or 'a single action'}"
+
+
+class HomeRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """A new home that the operator is asked to confirm."""
+
+    vehicle: str
+    question: str
+    place: GeoPoint
+    """With the altitude that is proposed: the ground's where there are tiles, else that of the present home."""
+
+
+def home_request(desk: Desk, platform: PlatformSnapshot, ground: Ground, north_m: float, east_m: float) -> HomeRequest:
+    """Checks a place on a map for the home of a vehicle's autopilot, and prepares the question.
+
+    Args:
+        desk: commands the vehicle.
+        platform: the vehicle.
+        ground: the map's plane.
+        north_m: of the plane's origin.
+        east_m: of the plane's origin.
+
+    Raises:
+        Refused: this station may not, or the map or the present home is not known.
+    """
+    require_control(desk.station, platform.name)
+    geo, autopilot = ground.geo(north_m, east_m), platform.autopilot
+    if geo is None or ground.plane is None:
+        raise Refused("the map has no place on Earth, and home needs one")
+    if autopilot is None or not autopilot.is_alive:
+        raise Refused(f"the autopilot of {platform.name} is not received on a MAVLink link of this station")
+    if autopilot.home_geo is None:
+        raise Refused(f"the autopilot of {platform.name} has not reported its present home")
+    here = ground.plane.ned_from_geo(*autopilot.home_geo)
+    terrain, altitude_m = desk.station.terrain, autopilot.home_geo[2]
+    if terrain is not None:
+        with suppress(Refused):  # no tile there
+            altitude_m = GroundLevel.under(terrain, GeoPoint(*autopilot.home_geo)).altitude_m(*geo[:2])
+    where = f"{geo.latitude_deg:.6f}°, {geo.longitude_deg:.6f}°"
+    lines = [f"Move the home of {platform.name} by {hypot(north_m - here[0], east_m - here[1]):.0f} m to {where}?"]
+    lines.append("Its autopilot returns there, and its heights above home count from there.")
+    if platform.has_companion:
+        lines.append("return_home of a mission still goes to where the vehicle was armed.")
+    if platform.is_armed:
+        lines.insert(0, f"{platform.name} is ARMED.")
+    return HomeRequest(vehicle=platform.name, question="\n".join(lines), place=geo._replace(altitude_m=altitude_m))
 
 
 def _field(desk: Desk, platform: PlatformSnapshot) -> str:

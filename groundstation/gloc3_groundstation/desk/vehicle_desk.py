@@ -60,7 +60,7 @@ class VehicleDesk:
         self.folder: Final = folder
         self.jobs: Final = Jobs()
         self.parameters: Final = ParameterDesk(self.begin, services.parameters)
-        self.plans: Final = PlanDesk(self.begin, services.plans)
+        self.plans: Final = PlanDesk(self.begin, services.plans, self.require_control)
         self.console: Final = ConsoleDesk(self.begin, services.console, self.require_control)
         self.motors: Final = MotorDesk(self.begin, services.motors, self.require_control, station.now_s)
         self.logs: tuple[LogLine, ...] | None = None

@@ -28,6 +28,8 @@ class HandleKind(StrEnum):
     CORNER = "corner"
     """Of an area that is flown over, or of a wall."""
     FENCE = "fence corner"
+    RALLY = "rally point"
+    """It has a height."""
     CENTER = "center of the fence"
 
 
@@ -88,17 +90,13 @@ class Handle(NamedTuple):
 
 
 class MissionPlaces(NamedTuple):
-    """All places of a mission's text, in the order of the text."""
+    """All places of a mission's text, in the order of the text; or the rally points of a vehicle."""
 
     handles: tuple[Handle, ...]
-    site: MissionSite
+    is_geo: bool
+    """Whether positions are latitudes and longitudes."""
     written: Callable[[Point], Point]
     """The two numbers of a place, as the mission's frame writes them."""
-
-    @property
-    def is_geo(self) -> bool:
-        """Whether positions are latitudes and longitudes."""
-        return self.site.placement.is_geo
 
     def find(self, where: Where | None) -> Handle | None:
         """The handle at a path."""
@@ -106,7 +104,7 @@ class MissionPlaces(NamedTuple):
 
     def neighbours(self, handle: Handle) -> list[Handle]:
         """The places before and after one in its list, as they are joined."""
-        if not handle.is_in_list:
+        if not handle.is_in_list or handle.kind is HandleKind.RALLY:
             return []
         index = handle.where[-1]
         assert isinstance(index, int)
@@ -145,7 +143,7 @@ def places_of(text: str, carried: str, site: SiteSummary | None, terrain: Terrai
     if found is None or not isinstance(document.value, dict):
         return None
     handles = tuple(one._replace(line=document.node(one.where).line) for one in _handles(document.value, found))
-    return MissionPlaces(handles, found, _inverse(found))
+    return MissionPlaces(handles, found.placement.is_geo, _inverse(found))
 
 
 def _inverse(site: MissionSite) -> Callable[[Point], Point]:

@@ -1,7 +1,7 @@
 """Edits of the places in a mission's text, as an editor would make them: only their characters change."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 from gloc3.documents.document import Where, parse
 from gloc3.documents.document_edit import replaced, with_item, with_key, without_item
@@ -11,30 +11,31 @@ from gloc3_groundstation.mapping.handles import Handle, HandleKind, MissionPlace
 DEPARTURES: Final = ("take_off", "depart", "dive", "drive_off")
 STEPS_KEPT: Final = 200
 DEFAULT_HEIGHT_M: Final = 2.0
+T = TypeVar("T")
 
 
-class TextHistory:
-    """Texts to go back to, and forward again."""
+class EditHistory(Generic[T]):
+    """States to go back to, and forward again, such as the texts of a mission."""
 
     def __init__(self) -> None:
-        self._before: list[str] = []
-        self._after: list[str] = []
+        self._before: list[T] = []
+        self._after: list[T] = []
 
-    def changed(self, before: str) -> None:
-        """Keeps the text before a change."""
+    def changed(self, before: T) -> None:
+        """Keeps the state before a change."""
         self._before = [*self._before, before][-STEPS_KEPT:]
         self._after = []
 
-    def undo(self, now: str) -> str | None:
-        """The text before the last change; None without one."""
+    def undo(self, now: T) -> T | None:
+        """The state before the last change; None without one."""
         return self._step(self._before, self._after, now)
 
-    def redo(self, now: str) -> str | None:
-        """The text before it was undone; None without one."""
+    def redo(self, now: T) -> T | None:
+        """The state before it was undone; None without one."""
         return self._step(self._after, self._before, now)
 
     @staticmethod
-    def _step(source: list[str], target: list[str], now: str) -> str | None:
+    def _step(source: list[T], target: list[T], now: T) -> T | None:
         if not source:
             return None
         target.append(now)

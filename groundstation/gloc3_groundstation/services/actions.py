@@ -111,7 +111,7 @@ class ActionService:
         try:
             await self._act(action, *arguments)
         except Refused as refusal:
-            raise Refused(await self._explained(str(refusal), begin_s)) from None
+            raise Refused(await self.explained(str(refusal), begin_s)) from None
 
     async def _act(self, action: Action, *arguments: float) -> None:
         snapshot = self._snapshots.snapshot
@@ -174,7 +174,7 @@ class ActionService:
             if text and event.sender == self._snapshots.snapshot.address:
                 self._texts.append((self._machines.now_s, text))
 
-    async def _explained(self, refusal: str, begin_s: float) -> str:
+    async def explained(self, refusal: str, begin_s: float) -> str:
         """A refusal with the autopilot's own reasons, which come at about the same time."""
         machines = self._machines
         end_s = machines.now_s + TEXT_WAIT_S
@@ -198,7 +198,7 @@ class ActionService:
         try:
             await self._set_mode(name)
         except Refused as refusal:
-            raise Refused(await self._explained(str(refusal), begin_s)) from None
+            raise Refused(await self.explained(str(refusal), begin_s)) from None
 
     async def _set_mode(self, name: str) -> None:
         snapshot = self._snapshots.snapshot

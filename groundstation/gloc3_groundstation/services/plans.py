@@ -56,8 +56,8 @@ class PlanService:
         self._client = client
         self._snapshot = snapshot
 
-    async def download(self, on_progress: OnProgress | None = None) -> VehiclePlan:
-        """Downloads mission, fence and rally points.
+    async def download(self, on_progress: OnProgress | None = None, kinds: Sequence[PlanType] = KINDS) -> VehiclePlan:
+        """Downloads mission, fence and rally points, or only some of these `kinds`.
 
         Raises:
             Refused: the vehicle does not answer, or its plan cannot be parsed.
@@ -67,7 +67,7 @@ class PlanService:
         report = Quietly(on_progress)
         for number, kind in enumerate(KINDS):
             report(f"downloading the {_NAMES[kind]}", number / len(KINDS))
-            found[kind] = await self._get(kind) if _can(snapshot, kind) else ()
+            found[kind] = await self._get(kind) if kind in kinds and _can(snapshot, kind) else ()
         parts = PlanParts(mission=found[PlanType.MISSION], fence=found[PlanType.FENCE], rally=found[PlanType.RALLY])
         return VehiclePlan(plan=from_wire(parts, snapshot.firmware, snapshot.vehicle_type), parts=parts)
 

@@ -19,6 +19,7 @@ from gloc3_groundstation.services.descriptions.component_metadata import (
     MetadataService,
 )
 from gloc3_groundstation.services.files import FileService
+from gloc3_groundstation.services.home import HomeReceiver, HomeService
 from gloc3_groundstation.services.logs import LogService
 from gloc3_groundstation.services.machines import Machines, Wire
 from gloc3_groundstation.services.mavsdk.behind_link import MavsdkBehindLink
@@ -48,7 +49,10 @@ class VehicleServices:
         self.machines: Final = Machines(
             wire,
             target.system,
-            [commands, parameters, files, logs, mission, metadata, shell, self._snapshots, StatusTextReceiver(own)],
+            [
+                *(commands, parameters, files, logs, mission, metadata, shell, self._snapshots),
+                *(StatusTextReceiver(own), HomeReceiver(own)),
+            ],
             received=meter.count,
         )
         self._wire = wire
@@ -62,14 +66,7 @@ class VehicleServices:
             parameters,
             self._snapshots,
             self.files,
-            MetadataService(
-                self.machines,
-                commands,
-                metadata,
-                target,
-                files=lambda owner: FileService(self.machines, files, owner),
-                cache=descriptions or DescriptionCache(None),
-            ),
+            self._descriptions(commands, metadata, descriptions or DescriptionCache(None)),
         )
         self.plans: Final = PlanService(self.machines, mission, self._snapshots)
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
@@ -78,7 +75,21 @@ class VehicleServices:
         self.motors: Final = MotorTestService(self.machines, commands, self._snapshots, target)
         self._mavsdk = MavsdkBehindLink(wire, target)
         self.actions: Final = ActionService(self.machines, commands, self._mavsdk, self._snapshots)
+        self.home: Final = HomeService(self.machines, commands, self.actions, target)
         self.rates: Final = RateService(self.machines, commands, meter, target)
+
+    def _descriptions(
+        self, commands: MavCommandClient, metadata: MetadataClient, cache: DescriptionCache
+    ) -> MetadataService:
+        """Reads descriptions of parameters from whichever component offers them."""
+        return MetadataService(
+            self.machines,
+            commands,
+            metadata,
+            self.target,
+            files=lambda owner: FileService(self.machines, self.ftp, owner),
+            cache=cache,
+        )
 
     @property
     def snapshots(self) -> ServicesSnapshot:

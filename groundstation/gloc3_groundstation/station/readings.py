@@ -178,7 +178,8 @@ class ReadingsWatch:
     def __init__(self) -> None:
         self._found: dict[str, Reading] = {}
         self._received: set[str] = set()
-        self._home: tuple[float, float] | None = None
+        self.home_geo: tuple[float, float, float] | None = None
+        """Home: latitude and longitude in degrees, altitude above the sea in m; None until it was received."""
         self._battery_s = float("-inf")
         """When the first battery was reported last."""
 
@@ -206,9 +207,11 @@ class ReadingsWatch:
         elif message.name == "SYS_STATUS" and now_s - self._battery_s >= STALE_S:
             self._put("power", power(message), now_s)
         elif message.name == "HOME_POSITION":
-            self._home = message.latitude / 1e7, message.longitude / 1e7
-        elif message.name == "GLOBAL_POSITION_INT" and self._home is not None and (message.lat, message.lon) != (0, 0):
-            self._put("home", (f"{_distance_m(self._home, message):.0f} m", 0), now_s)
+            self.home_geo = message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
+        elif (
+            message.name == "GLOBAL_POSITION_INT" and self.home_geo is not None and (message.lat, message.lon) != (0, 0)
+        ):
+            self._put("home", (f"{_distance_m(self.home_geo, message):.0f} m", 0), now_s)
 
     def _put(self, name: str, said: tuple[str, int] | None, now_s: float) -> None:
         if said is None:
@@ -217,7 +220,7 @@ class ReadingsWatch:
             self._found[name] = Reading(said[0], now_s, said[1])
 
 
-def _distance_m(home: tuple[float, float], place: MavlinkMessage) -> float:
+def _distance_m(home: tuple[float, float, float], place: MavlinkMessage) -> float:
     """Horizontal distance, on the plane about home."""
-    north_m, east_m, _ = TangentPlane(GeoPoint(*home, 0.0)).ned_from_geo(place.lat / 1e7, place.lon / 1e7, 0.0)
+    north_m, east_m, _ = TangentPlane(GeoPoint(*home)).ned_from_geo(place.lat / 1e7, place.lon / 1e7, home[2])
     return hypot(north_m, east_m)

@@ -127,6 +127,8 @@ class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """By name, such as `gps`; what was never received is missing."""
     flight: str = ""
     """Time in the air, in words; empty while it has not flown."""
+    home_geo: tuple[float, float, float] | None = None
+    """Its home: latitude and longitude in degrees, altitude above the sea in m; None until it was received."""
 
 
 class CorrectionsSnapshot(msgspec.Struct, frozen=True, kw_only=True):

@@ -277,6 +277,7 @@ class Vehicles:
             has_used_rtk=watch.has_used_rtk,
             readings=self._readings(key),
             flight=watch.flight.words(duration),
+            home_geo=watch.readings.home_geo,
         )
         problems = tuple(self._problems(name, key, now_s))
         if known is not None and known.has_companion:

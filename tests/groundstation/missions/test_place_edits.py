@@ -8,7 +8,7 @@ from gloc3.errors import Refused
 from gloc3.messages.motion import SiteSummary
 from gloc3_groundstation.mapping.handles import Handle, HandleKind, MissionPlaces, places_of
 from gloc3_groundstation.missions.place_edits import (
-    TextHistory,
+    EditHistory,
     added,
     default_height_m,
     moved,
@@ -186,7 +186,7 @@ def test_a_mission_of_another_frame_or_that_is_no_yaml_is_not_on_the_map() -> No
 
 
 def test_the_steps_of_undo_and_redo() -> None:
-    history = TextHistory()
+    history = EditHistory[str]()
     assert history.undo("a") is None
     history.changed("a")
     history.changed("b")

@@ -167,13 +167,13 @@ class MapScreen(EditableMap):
             self._texts = MissionTexts(self.desk.station)
         ground = Ground(view.platform)
         text, is_loaded = self._texts.text_of(view.platform, view.plan)
-        if self.edit.is_on and self.desk.missions.draft is not None:
+        if self.is_mission_edited and self.desk.missions.draft is not None:
             text, is_loaded = self.desk.missions.draft.carried or self.desk.missions.draft.text, False
         if view.platform is not None and self._texts.missing(view.platform, view.now_s):
             self.do(self._texts.fetch(view.platform))
         request = requested(text, ground.site, self.desk.station.terrain) if text else None
         projection = self._projection.sized(width * CELL[0], height * CELL[1])
-        chart = Chart(view, ground, projection, request, is_loaded, not self._pointed)
+        chart = Chart(view, ground, projection, request, is_loaded, not self._pointed, self.rally_points())
         projection = self._framed(chart)
         self._projection = projection
         return self.edited(chart._replace(projection=projection))

@@ -2,14 +2,13 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
 
 from gloc3.errors import Refused
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.mapping.handles import Handle, HandleKind, Point, places_of
 from gloc3_groundstation.mapping.requested import requested
 from gloc3_groundstation.missions.place_edits import (
-    TextHistory,
+    EditHistory,
     added,
     default_height_m,
     moved,
@@ -18,14 +17,13 @@ from gloc3_groundstation.missions.place_edits import (
     with_fence,
     with_survey,
 )
+from gloc3_groundstation.tui.screens.place_edit import PlaceEdit
 from gloc3_groundstation.tui.views.mission.map import Chart
-from gloc3_groundstation.tui.views.mission.map_edit import EditState, draw_edit
-
-REACH: Final = 6.0
-"""Distance in dots within which the crosshair picks up a place."""
+from gloc3_groundstation.tui.views.mission.map_edit import EditState, draw_edit, edit_lines, state_line
+from gloc3_groundstation.tui.widgets.lines import Line
 
 
-class MapEdit:
+class MapEdit(PlaceEdit):
     """Edits the open mission on the map; every change is one step of undo, and is checked.
 
     Args:
@@ -33,14 +31,13 @@ class MapEdit:
         changed: called after each change of the text, to have it checked.
     """
 
+    TITLE = "open mission"
+    NOTHING_NEAR = "nothing is near: i adds a waypoint here, m draws a survey, b a fence"
+
     def __init__(self, desk: Desk, changed: Callable[[], None]) -> None:
+        super().__init__()
         self._missions, self._station, self._changed = desk.missions, desk.station, changed
-        self.is_on = False
-        self.is_dragging = False
-        self.state = EditState()
-        self._history = TextHistory()
-        self._grip: Point = (0.0, 0.0)
-        """From the crosshair to the place that it carries."""
+        self._history = EditHistory[str]()
         self._whose: object = None
         """The mission that the steps of undo belong to."""
 
@@ -53,18 +50,8 @@ class MapEdit:
             return "this file is no mission and cannot be edited"
         self.is_on, self.state = True, EditState()
         if self._whose != (draft.name, draft.path):
-            self._whose, self._history = (draft.name, draft.path), TextHistory()
+            self._whose, self._history = (draft.name, draft.path), EditHistory[str]()
         return ""
-
-    def leave(self) -> None:
-        """Ends what is begun, one thing at a time; at last the edit mode."""
-        state = self.state
-        if state.drawing or state.target_ne_m is not None:
-            self._set(drawing="", corners=(), target_ne_m=None)
-        elif state.chosen is not None:
-            self._set(chosen=None)
-        else:
-            self.is_on = False
 
     def drawn(self, chart: Chart, cursor: tuple[int, int], place: Point) -> Chart:
         """The chart with the open mission in place of the vehicle's, and what is edited."""
@@ -75,9 +62,8 @@ class MapEdit:
         site, terrain = chart.ground.site, self._station.terrain
         places = places_of(draft.text, draft.carried or draft.text, site, terrain)
         chosen = places.find(self.state.chosen.where) if places is not None and self.state.chosen is not None else None
-        carried = self.state.target_ne_m is not None and chosen is not None
-        target = (place[0] + self._grip[0], place[1] + self._grip[1]) if carried else None
-        self.state = self.state._replace(places=places, chosen=chosen, target_ne_m=target, cursor=cursor)
+        self.state = self.state._replace(places=places, chosen=chosen, cursor=cursor)
+        self.state = self.state._replace(target_ne_m=self.carried(place))
         return chart._replace(
             request=requested(draft.carried or draft.text, site, terrain),
             is_loaded=False,
@@ -85,64 +71,21 @@ class MapEdit:
             overlay=partial(draw_edit, state=self.state),
         )
 
-    def outside_m(self, chart: Chart, place: Point) -> float:
-        """How far the carried place is outside the fence; 0 inside it, or while nothing is carried."""
-        fence = chart.request.fence if chart.request is not None else None
-        target = self.state.target_ne_m or (place if self.state.drawing == "survey" else None)
-        if fence is None or target is None:
-            return 0.0
-        gaps = [area.clearance_m(*target) for area in ([fence.area] if fence.area is not None else [])]
-        gaps += [-area.clearance_m(*target) for area in fence.keep_out]
-        return max(0.0, -min(gaps, default=0.0))
+    def status(self, chart: Chart, place: Point, width: int) -> Line:
+        """What is done, or the worst finding."""
+        return state_line(self.state, self._missions.draft, self.outside_m(chart, place), width)
 
-    # --- the crosshair ---
-
-    def enter(self, place: Point, m_per_dot: float) -> bool:
-        """Sets a corner, places what is carried, or picks up the nearest place; returns whether an area is complete."""
-        state = self.state
-        if state.drawing:
-            first = state.corners[0] if state.corners else None
-            if first is not None and len(state.corners) > 2 and _is_near(first, place, REACH * m_per_dot):
-                return True
-            self._set(corners=(*state.corners, place))
-        elif state.target_ne_m is not None:
-            self.put_down()
-        elif not self.pick(place, m_per_dot):
-            self._set(message="nothing is near: i adds a waypoint here, m draws a survey, b a fence", chosen=None)
-        return False
-
-    def pick(self, place: Point, m_per_dot: float) -> bool:
-        """Picks up the place nearest to the crosshair; returns whether one is near."""
-        places = self.state.places
-        handle = places.nearest(place, REACH * m_per_dot) if places is not None else None
-        if handle is None:
-            return False
-        position = handle.position_ne_m
-        self._grip = (position[0] - place[0], position[1] - place[1])
-        self._set(chosen=handle, target_ne_m=position)
-        return True
-
-    def put_down(self) -> None:
-        """Places what is carried."""
-        places, handle, target = self.state.places, self.state.chosen, self.state.target_ne_m
-        self._set(target_ne_m=None)
-        if places is not None and handle is not None and target is not None and target != handle.position_ne_m:
-            self._edit(lambda text: moved(text, places, handle, target))
-
-    def let_go(self, *, is_chosen: bool = True) -> None:
-        """Leaves what is carried where it was; it stays chosen, or nothing is."""
-        self._set(target_ne_m=None, chosen=self.state.chosen if is_chosen else None)
-
-    def choose(self, step: int) -> Handle | None:
-        """Chooses the next place, or the one before."""
-        handles = self.state.places.handles if self.state.places is not None else ()
-        if not handles:
-            return None
-        here = next((number for number, one in enumerate(handles) if one == self.state.chosen), -1 if step > 0 else 0)
-        self._set(chosen=handles[(here + step) % len(handles)], target_ne_m=None)
-        return self.state.chosen
+    def beside(self, width: int) -> list[Line]:
+        """The chosen place, and all findings."""
+        return edit_lines(self.state, self._missions.draft, width)
 
     # --- changes ---
+
+    def move(self, handle: Handle, to: Point) -> None:
+        """Places one elsewhere."""
+        places = self.state.places
+        if places is not None:
+            self._edit(lambda text: moved(text, places, handle, to))
 
     def add(self, place: Point) -> None:
         """Adds a place after the chosen one, a waypoint where none is chosen."""
@@ -165,12 +108,6 @@ class MapEdit:
         elif handle is not None:
             self._set(chosen=None, target_ne_m=None)
             self._edit(lambda text: removed(text, handle))
-
-    def raise_by(self, by_m: float) -> None:
-        """Raises the chosen place."""
-        handle = self.state.chosen
-        if handle is not None:
-            self.raise_to((handle.height_m or 0.0) + by_m)
 
     def raise_to(self, height_m: float) -> None:
         """Gives the chosen place another height."""
@@ -217,10 +154,3 @@ class MapEdit:
         self._history.changed(draft.text)
         self._missions.edit(text)
         self._changed()
-
-    def _set(self, **changes: Any) -> None:
-        self.state = self.state._replace(**{"message": "", **changes})
-
-
-def _is_near(one: Point, other: Point, within_m: float) -> bool:
-    return abs(one[0] - other[0]) <= within_m and abs(one[1] - other[1]) <= within_m

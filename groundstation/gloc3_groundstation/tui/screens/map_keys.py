@@ -11,15 +11,19 @@ from textual.binding import Binding, BindingType
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk import go_here
+from gloc3_groundstation.desk.plan_desk import RallyPoint
+from gloc3_groundstation.desk.services_desk import reached
 from gloc3_groundstation.mapping.ground import position_of
 from gloc3_groundstation.mapping.handles import Point
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.tui.dialogues.mission_files import MissionFileDialogue
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 from gloc3_groundstation.tui.screen import StationScreen
-from gloc3_groundstation.tui.screens.map_edit import REACH, MapEdit
+from gloc3_groundstation.tui.screens.map_edit import MapEdit
+from gloc3_groundstation.tui.screens.place_edit import REACH, PlaceEdit
+from gloc3_groundstation.tui.screens.rally_edit import RallyEdit
 from gloc3_groundstation.tui.views.mission.map import Chart
-from gloc3_groundstation.tui.views.mission.map_edit import edit_lines, spacing_m, state_line
+from gloc3_groundstation.tui.views.mission.map_edit import spacing_m
 from gloc3_groundstation.tui.widgets.canvas import CELL
 from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
 from gloc3_groundstation.tui.widgets.lines import Line
@@ -38,7 +42,10 @@ class EditableMap(StationScreen):
     it with the mouse. i adds a place after the chosen one, delete leaves it out, + and - raise it by a metre, t takes a
     height. m draws a survey and b a fence, corner by corner; enter on the first corner closes them. Every change is one
     step of ^z and ^y, changes the mission's text alone, and is checked at once. The wheel zooms, dragging the empty map
-    moves it. g sends the vehicle to the crosshair, after its height and a confirmation."""
+    moves it. g sends the vehicle to the crosshair, after its height and a confirmation.
+
+    y edits the rally points of the vehicle in view with the same keys: they are read from it, and ^s uploads them and
+    reads them back. H moves its autopilot's home to the crosshair, after the altitude there and a confirmation."""
     EDIT_BINDINGS: ClassVar[list[BindingType]] = [
         Binding(
             "enter", "place", "Pick/place", tooltip="picks up the nearest place, and places it; a corner while drawing"
@@ -59,6 +66,8 @@ class EditableMap(StationScreen):
         Binding("ctrl+s", "save", "Save", key_display="^s", tooltip="the open mission"),
         Binding("escape", "leave", "Done", tooltip="ends what is begun, then the edit mode"),
         Binding("e", "edit", "Edit", tooltip="edits the open mission on the map"),
+        Binding("y", "rally", "Rally", tooltip="edits the rally points of the vehicle in view on the map"),
+        Binding("H", "set_home", "Set home", tooltip="moves the autopilot's home to the crosshair; asks first"),
         Binding("g", "go_here", "Go here", tooltip="sends the vehicle in view to the crosshair; asks first"),
     ]
     _projection = Projection(0.0, 0.0, 0.1, 0.0, 0, 0)
@@ -69,22 +78,40 @@ class EditableMap(StationScreen):
     """The vehicle, how many things there were, and the size of the map when everything was fitted last."""
     _chart_seen: Chart | None = None
     _edit: MapEdit | None = None
+    _rally: RallyEdit | None = None
     _pressed: tuple[int, int] | None = None
     """Where a button of the mouse was pressed; None while none is."""
     _dragged_from: tuple[int, int] | None = None
 
     @property
-    def edit(self) -> MapEdit:
+    def mission_edit(self) -> MapEdit:
         """The editing of the open mission."""
         if self._edit is None:
             self._edit = MapEdit(self.desk, self._check)
         return self._edit
 
+    @property
+    def rally_edit(self) -> RallyEdit:
+        """The editing of the rally points of a vehicle."""
+        if self._rally is None:
+            self._rally = RallyEdit(self.desk.services)
+        return self._rally
+
+    @property
+    def edit(self) -> PlaceEdit:
+        """The editing that is on, else that of the open mission."""
+        return self.rally_edit if self.rally_edit.is_on else self.mission_edit
+
+    @property
+    def is_mission_edited(self) -> bool:
+        """Whether the open mission is shown, in place of the vehicle's."""
+        return self.mission_edit.is_on and not self.rally_edit.is_on
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Enables the keys of the edit mode there, and those that they replace elsewhere."""
         is_on, state = self.edit.is_on, self.edit.state
         if action in EDIT_ACTIONS:
-            if not is_on:
+            if not is_on or (action == "draw" and self.rally_edit.is_on):
                 return False
             if action in ("raise_by", "raise_to"):
                 has_height = state.chosen is not None and state.chosen.height_m is not None
@@ -92,7 +119,7 @@ class EditableMap(StationScreen):
             if action == "remove":
                 return state.chosen is not None or bool(state.corners) or None
             return True
-        if action == "edit":
+        if action in ("edit", "rally"):
             return not is_on
         return super().check_action(action, parameters)
 
@@ -125,14 +152,13 @@ class EditableMap(StationScreen):
         panel.styles.height = 2 if self.edit.is_on else 1
         if not self.edit.is_on:
             return []
-        outside_m = self.edit.outside_m(chart, self.cursor_place())
-        return [state_line(self.edit.state, self.desk.missions.draft, outside_m, panel.width)]
+        return [self.edit.status(chart, self.cursor_place(), panel.width)]
 
     def show_open_mission(self) -> bool:
         """Shows the open mission beside the map in the edit mode; returns whether that is on."""
         if self.edit.is_on:
             panel = self.panel("vehicles")
-            panel.show(edit_lines(self.edit.state, self.desk.missions.draft, max(20, panel.width)), "open mission")
+            panel.show(self.edit.beside(max(20, panel.width)), self.edit.TITLE)
         return self.edit.is_on
 
     def move_cursor(self, right: int, up: int) -> None:
@@ -149,16 +175,26 @@ class EditableMap(StationScreen):
     # --- keys ---
 
     def action_edit(self) -> None:
-        """Begins to edit."""
-        problem = self.edit.begin(self._vehicle())
-        if problem:
-            self.desk.station.note("", Severity.ERROR, f"edit: {problem}")
-        self._pointed, self._fitted, self._is_fitting = self.cursor_cell(), None, True
-        self.show_again()  # fits the open mission once
-        self._is_fitting = self._is_following = False
+        """Begins to edit the open mission."""
+        problem = self._begin(self.mission_edit)
         if not problem and not self.desk.missions.is_checked_for(self._vehicle()):
             self._check()
         self._shown_again()
+
+    def action_rally(self) -> None:
+        """Begins to edit the rally points of the vehicle in view."""
+        self._begin(self.rally_edit)
+        self._shown_again()
+
+    def _begin(self, edit: PlaceEdit) -> str:
+        """Begins to edit; returns why not, or an empty text."""
+        problem = edit.begin(self._vehicle())
+        if problem:
+            self.desk.station.note(self._vehicle() or "", Severity.ERROR, f"edit: {problem}")
+        self._pointed, self._fitted, self._is_fitting = self.cursor_cell(), None, True
+        self.show_again()  # fits what is edited once
+        self._is_fitting = self._is_following = False
+        return problem
 
     def action_leave(self) -> None:
         """Ends what is begun, then the edit mode."""
@@ -209,7 +245,7 @@ class EditableMap(StationScreen):
 
     def action_draw(self, what: str) -> None:
         """Begins to draw an area."""
-        self.edit.draw(what)
+        self.mission_edit.draw(what)
         self._shown_again()
 
     def action_undo(self) -> None:
@@ -223,7 +259,10 @@ class EditableMap(StationScreen):
         self._shown_again()
 
     def action_save(self) -> None:
-        """Saves the open mission."""
+        """Saves the open mission, or uploads the rally points."""
+        if self.rally_edit.is_on:
+            self._upload_rally()
+            return
         MissionFileDialogue(self.app, self.desk.missions, self._vehicle).save(self.show_again)
 
     def action_go_here(self) -> None:
@@ -248,6 +287,46 @@ class EditableMap(StationScreen):
 
         height_m = max(request.height_m, 0.0)
         self._prompt(f"go here: at which height {request.height_name}, m", f"{height_m:.1f}", 1, typed)
+
+    def action_set_home(self) -> None:
+        """Moves the home of the vehicle in view to the crosshair, after its altitude and a confirmation."""
+        platform, chart = self.view.platform if self.view is not None else None, self._chart_seen
+        if platform is None or chart is None:
+            return
+        try:
+            request = go_here.home_request(self.desk, platform, chart.ground, *self.cursor_place())
+        except Refused as refusal:
+            self.desk.station.note(platform.name, Severity.ERROR, f"set home: {refusal}")
+            self.show_again()
+            return
+
+        async def send(altitude_m: float) -> None:
+            with suppress(Gloc3Error):  # it is noted
+                await self.desk.autopilots.set_home(request.vehicle, request.place._replace(altitude_m=altitude_m))
+            self.show_again()
+
+        def typed(numbers: tuple[float, ...]) -> None:
+            question = f"{request.question}\nAltitude: {numbers[0]:g} m above the sea."
+            self.confirm(question, "move home", lambda: self.do(send(numbers[0])))
+
+        altitude_m = request.place.altitude_m
+        self._prompt("set home: altitude of the ground there above the sea, m", f"{altitude_m:.1f}", 1, typed)
+
+    def rally_points(self) -> tuple[RallyPoint, ...] | None:
+        """Rally points of the vehicle in view as far as they were read; nothing is requested for it."""
+        vehicle = reached(self.desk.services, self._vehicle() or "")[0]
+        return vehicle.plans.rally if vehicle is not None else None
+
+    def _upload_rally(self) -> None:
+        edit, vehicle = self.rally_edit, self.rally_edit.vehicle
+        if vehicle is None or edit.points is None:
+            return
+        if vehicle.is_armed:
+            question = f"{vehicle.name} is ARMED. Replace its rally points? Its return may end at one of them."
+            self.confirm(question, "upload them", edit.upload)
+        else:
+            edit.upload()
+        self._shown_again()
 
     # --- the mouse ---
 
@@ -294,7 +373,7 @@ class EditableMap(StationScreen):
             if is_click:
                 edit.let_go()
             else:
-                edit.put_down()
+                edit.put_down(self.cursor_place())
         elif is_click and edit.is_on and edit.state.drawing:
             if edit.enter(self.cursor_place(), self._projection.m_per_dot):
                 self._finish()
@@ -327,12 +406,13 @@ class EditableMap(StationScreen):
 
     def _finish(self) -> None:
         """Puts the drawn area into the mission; asks for a survey's numbers."""
-        if self.edit.state.drawing == "fence":
-            self.edit.finish()
+        edit = self.mission_edit
+        if edit.state.drawing == "fence":
+            edit.finish()
             return
-        step_m = spacing_m(self.edit.state.corners)
+        step_m = spacing_m(edit.state.corners)
         self._prompt(
-            "distance between lines, and height: m, m", f"{step_m:g}, 2", 2, lambda numbers: self.edit.finish(*numbers)
+            "distance between lines, and height: m, m", f"{step_m:g}, 2", 2, lambda numbers: edit.finish(*numbers)
         )
 
     def _prompt(self, question: str, value: str, count: int, do: Callable[[tuple[float, ...]], object]) -> None:

@@ -147,7 +147,9 @@ def test_a_plan_is_told_item_by_item_with_what_differs_first() -> None:
         rally=((47.1, 8.1, 20.0),),
         raw={},
     )
-    desk = PlanDesk(lambda service, what, work, *, is_change=False: None, PlanService.__new__(PlanService))
+    desk = PlanDesk(
+        lambda service, what, work, *, is_change=False: None, PlanService.__new__(PlanService), lambda: None
+    )
     assert service_plans.plans_title(desk) == "on the vehicle: not downloaded"
     desk.file = PlanFile(name="a.plan", plan=plan)
     text = [text_of(line).split() for _, line in service_plans.plan_rows(desk, 80)]

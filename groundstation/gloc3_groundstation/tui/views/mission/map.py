@@ -26,6 +26,9 @@ AHEAD: Final = 9.0
 NEAR: Final = 8.0
 """Distance in dots below which a mark cannot be distinguished from the vehicle: its setpoint, the edge of its
 ellipse."""
+RALLY_SIGN: Final = "R"
+SAME_HOME_M: Final = 1.0
+"""Distance from the vehicle's home within which its autopilot's is the same."""
 ARROWS: Final = "↑↗→↘↓↙←↖"
 
 
@@ -41,6 +44,8 @@ class Chart(NamedTuple):
     """Whether it has that loaded."""
     has_cross: bool = True
     """Whether the middle is marked."""
+    rally: tuple[tuple[float, float, float], ...] | None = None
+    """Rally points of the vehicle in view: latitude and longitude in degrees, height; None where they are not shown."""
     overlay: "Callable[[CellCanvas, Chart], None] | None" = None
     """Draws over everything else, such as what is edited."""
 
@@ -74,6 +79,7 @@ def map_lines(chart: Chart, width: int, height: int) -> list[Line]:
     if chart.request is not None:
         _draw_waypoints(canvas, chart, chart.request, own)
     _draw_home(canvas, chart, own)
+    _draw_rally(canvas, chart)
     draw_traffic(canvas, chart.view, chart.ground, chart.projection)
     for number, platform, place in chart.placed:
         _draw_vehicle(canvas, chart, number, platform, place)
@@ -95,6 +101,8 @@ def extent(chart: Chart) -> list[Plane]:
     site = chart.ground.site
     if site is not None and site.home_m is not None:
         parts.append(np.array([own.point(site.home_m)[:2]]))
+    home = autopilot_home(chart)
+    parts += [np.array([place]) for place in (*([home] if home is not None else []), *_rally_places(chart))]
     for _, platform, place in chart.placed:
         position = position_of(platform)
         if position is not None:
@@ -168,8 +176,44 @@ def _draw_home(canvas: CellCanvas, chart: Chart, own: MapPlacement) -> None:
     site = chart.ground.site
     if site is not None and site.home_m is not None:
         north, east, _ = own.point(site.home_m)
-        column, row = cell_of(chart.projection.dot(north, east))
-        canvas.text(column, row, "⌂", Tone.GOOD)
+        canvas.text(*cell_of(chart.projection.dot(north, east)), "⌂", Tone.GOOD)
+    other = autopilot_home(chart)
+    if other is not None:
+        canvas.text(*cell_of(chart.projection.dot(*other)), "⌂", Tone.WARN if _has_home(chart) else Tone.GOOD)
+
+
+def _has_home(chart: Chart) -> bool:
+    """Whether missions have a home of their own."""
+    return chart.ground.site is not None and chart.ground.site.home_m is not None
+
+
+def autopilot_home(chart: Chart) -> tuple[float, float] | None:
+    """North and east of the autopilot's home; None where it is unknown, or the vehicle's own is there."""
+    autopilot = chart.view.platform.autopilot if chart.view.platform is not None else None
+    plane, site = chart.ground.plane, chart.ground.site
+    if autopilot is None or autopilot.home_geo is None or plane is None:
+        return None
+    north, east, _ = plane.ned_from_geo(*autopilot.home_geo)
+    if site is not None and site.home_m is not None:
+        own_north, own_east, _ = own_place(chart).point(site.home_m)
+        if hypot(north - own_north, east - own_east) <= SAME_HOME_M:
+            return None
+    return north, east
+
+
+def _draw_rally(canvas: CellCanvas, chart: Chart) -> None:
+    for place in _rally_places(chart):
+        canvas.text(*cell_of(chart.projection.dot(*place)), RALLY_SIGN, Tone.WARN)
+
+
+def _rally_places(chart: Chart) -> list[tuple[float, float]]:
+    plane = chart.ground.plane
+    if plane is None:
+        return []
+    return [
+        plane.ned_from_geo(latitude, longitude, plane.origin.altitude_m)[:2]
+        for latitude, longitude, _ in chart.rally or ()
+    ]
 
 
 def _draw_obstacles(canvas: CellCanvas, chart: Chart) -> None:
@@ -349,7 +393,12 @@ def legend_lines(chart: Chart) -> list[Line]:
         rows.append(("⠉⠒⠤", Tone.WARN, "fence"))
         if request.fence.keep_out:
             rows.append(("⢌⢢⢌", Tone.BAD, "keep out"))
-    rows += [(" ⌂ ", Tone.GOOD, "home"), (" × ", Tone.STRONG, "setpoint"), ("⠊⠒⠑", Tone.DIM, "95 % sure")]
+    rows.append((" ⌂ ", Tone.GOOD, "home"))
+    if _has_home(chart) and autopilot_home(chart) is not None:
+        rows.append((" ⌂ ", Tone.WARN, "the autopilot's home"))
+    if chart.rally:
+        rows.append((f" {RALLY_SIGN} ", Tone.WARN, "rally point"))
+    rows += [(" × ", Tone.STRONG, "setpoint"), ("⠊⠒⠑", Tone.DIM, "95 % sure")]
     if chart.view.fleet.traffic:
         rows.append((f" {TRAFFIC_SIGN} ", Tone.WARN, "traffic"))
     return [(Span(f" {sign} ", tone), Span(text, Tone.DIM)) for sign, tone, text in rows]

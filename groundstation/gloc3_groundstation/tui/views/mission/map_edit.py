@@ -8,11 +8,12 @@ import numpy as np
 from gloc3.errors import Finding
 from gloc3_groundstation.mapping.handles import Handle, HandleKind, MissionPlaces, Point
 from gloc3_groundstation.missions.draft import Draft
-from gloc3_groundstation.tui.views.mission.map import Chart, cell_of, own_place
+from gloc3_groundstation.tui.views.mission.map import RALLY_SIGN, Chart, cell_of, own_place
 from gloc3_groundstation.tui.widgets.canvas import CellCanvas
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, wrapped
 
-SIGNS: Final = {HandleKind.FENCE: "□", HandleKind.CENTER: "□", HandleKind.CORNER: "◇", HandleKind.PLACE: "○"}
+SIGNS = {HandleKind.FENCE: "□", HandleKind.CENTER: "□", HandleKind.CORNER: "◇"}
+SIGNS |= {HandleKind.PLACE: "○", HandleKind.RALLY: RALLY_SIGN}
 SHOWN_FINDINGS: Final = 8
 
 
@@ -85,6 +86,34 @@ def state_line(state: EditState, draft: Draft | None, outside_m: float, width: i
         return (Span(cut(" no findings; enter picks up the nearest place", width), Tone.GOOD),)
     sign, tone = (" ▲ ", Tone.WARN) if finding.is_warning else (" ✗ ", Tone.BAD)
     return (Span(cut(sign + finding.message, width), tone),)
+
+
+def rally_line(state: EditState, outside_m: float, *, busy: str, refusal: str, width: int) -> Line:
+    """What is done with the rally points, or why the last request was refused."""
+    if state.message or refusal:
+        return (Span(cut(f" ✗ {state.message or refusal}", width), Tone.BAD),)
+    if busy:
+        return (Span(cut(f" {busy} …", width), Tone.KEY),)
+    if state.places is None:
+        return (Span(cut(" the rally points of the vehicle are not known here", width), Tone.WARN),)
+    if outside_m > 0.0 and state.chosen is not None:
+        return (Span(cut(f" ✗ {state.chosen.label} is {outside_m:.1f} m outside the fence", width), Tone.BAD),)
+    if state.target_ne_m is not None and state.chosen is not None:
+        return (Span(cut(f" {state.chosen.label}: enter places it, esc leaves it", width), Tone.KEY),)
+    return (Span(cut(" i adds a rally point, enter picks up the nearest, ^s uploads them", width), Tone.GOOD),)
+
+
+def rally_lines(state: EditState, vehicle: str, *, is_changed: bool, width: int) -> list[Line]:
+    """The rally points beside the map."""
+    lines: list[Line] = [(Span(f" {cut(vehicle, width - 2)}", Tone.STRONG),)]
+    lines.append((Span(" not uploaded: ^s uploads", Tone.WARN) if is_changed else Span(" on the vehicle", Tone.DIM),))
+    handles = state.places.handles if state.places is not None else ()
+    for handle in handles:
+        tone = Tone.KEY if handle == state.chosen else Tone.TEXT
+        lines.append((Span(f" {RALLY_SIGN} {handle.label}: {handle.height_m:g} m", tone),))
+    if not handles:
+        lines.append((Span(" none", Tone.DIM),))
+    return [*lines, (), (Span(" heights above home", Tone.DIM),)]
 
 
 def worst(draft: Draft | None, chosen: Handle | None) -> Finding | None:

@@ -6,6 +6,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from gloc3.errors import Refused
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions
 from gloc3.mission.reading.reader import load_mission
@@ -108,6 +109,42 @@ def test_drawings_fit_a_terminal(name: str, platform_file: Path, capsys: pytest.
         == 0
     )
     assert max(len(line) for line in capsys.readouterr().out.splitlines()) <= WIDTH
+
+
+ANYWHERE = """\
+mission: two sides
+frame: hold
+on_failure: land
+tasks:
+  up: {platform: each, actions: {go: {take_off: {height_m: 2}}}}
+  left: {platform: any, after: [up], actions: {go: {go_to: {position_m: [5, 9, 2]}}}}
+  right: {platform: any, after: [up], actions: {go: {go_to: {position_m: [5, -9, 2]}}}}
+  down: {platform: each, after: [left, right], actions: {end: {land: {}}}}
+"""
+
+
+def test_check_and_show_say_who_does_what(
+    tmp_path: Path, platform_file: Path, platform_text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, heron = tmp_path / "sides.yaml", tmp_path / "heron.yaml"
+    path.write_text(ANYWHERE)
+    heron.write_text(platform_text.replace("platform: pelican", "platform: heron"))
+    both = ("--platform", platform_file, "--platform", heron)
+    assert run("check", path, *both) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert [line.partition(" (about")[0] for line in out] == [
+        "pelican: left",
+        "heron: right",
+        f"{path} is fit to fly: about 23 s, 29 m, 2.3 Wh",
+    ]
+    assert run("check", path, "--json", *both) == 0
+    assert json.loads(capsys.readouterr().out)["assigned"]["heron"]["tasks"] == ["right"]
+    assert run("show", path, *both) == 0
+    assert "├─● left  (after up; on pelican)" in capsys.readouterr().out
+    assert run("check", path) == 0
+    assert "--platform A --platform B assigns left, right" in capsys.readouterr().out
+    with pytest.raises(Refused, match="two platform files are named heron"):
+        run("check", path, "--platform", heron, "--platform", heron)
 
 
 def test_check_says_what_is_wrong_where_and_fails(

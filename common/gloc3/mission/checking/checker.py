@@ -1,6 +1,6 @@
 """Checks a mission against a platform before it is sent, and again onboard; reports all findings at once."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -69,6 +69,12 @@ class Circumstances:
     """Where the vehicle was armed, else its position on the ground; None where it is unknown."""
     start_ned_m: Vector3 | None = None
     """Position of the vehicle; None for at home, on the ground."""
+    assigned: Mapping[str, Sequence[str]] | None = None
+    """Platform to its tasks in their order, in place of the file's `assigned`."""
+    ended: frozenset[str] = frozenset()
+    """Tasks that have begun or ended already: what is left of the mission is checked."""
+    is_assigned_later: bool = False
+    """Tasks for which no platform is chosen yet are no error; such a mission is judged only as far as it is written."""
     fence: Fence | None = None
     """That of the loaded mission, where a single action beside it is checked: the places that it names are inside."""
 
@@ -87,7 +93,7 @@ class Circumstances:
             home=self.home_geo(),
             terrain=self.terrain,
         )
-        return replace(found, platform=found.platform or self.part)
+        return replace(found, platform=found.platform or self.part, assigned=self.assigned, ended=self.ended)
 
     @property
     def least_clearance_m(self) -> float | None:
@@ -181,6 +187,9 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     is_whole = circumstances.known is not None or circumstances.platform is None
     if circumstances.part is None:
         findings += _unknown_platforms(mission, circumstances)
+    if mission.unassigned:
+        findings += [] if circumstances.is_assigned_later else _unassigned(mission)
+        return CheckReport(file=file, findings=tuple(sorted(findings)), mission=mission, order=PartialOrder.of(mission))
     if mission.platforms and circumstances.part is None and is_whole:
         return _check_parts(data, file, circumstances, mission, findings)
     order = PartialOrder.of(mission)
@@ -237,11 +246,19 @@ def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterat
         return
     known = sorted({*platform_files(), *([own.platform] if own is not None else [])})
     for name, task in mission.tasks.items():
-        wanted = task.options.platform
-        if wanted is None or wanted in known or (find is not None and find(wanted) is not None):
+        wanted = task.options.performer
+        if not wanted or wanted in known or (find is not None and find(wanted) is not None):
             continue
         message = f"the platform {wanted!r} is not known here: what {name} needs is not checked"
         yield document.finding((*where_of(name), "platform"), message, nearest(wanted, known), is_warning=True)
+
+
+def _unassigned(mission: Mission) -> Iterator[Finding]:
+    """Tasks that several platforms may perform, and for which none is chosen."""
+    for name in mission.unassigned if mission.document is not None else ():
+        hint = "gloc3 mission check FILE --platform A --platform B assigns them, and so does the station at the upload"
+        message = f"no platform is chosen for {name}"
+        yield mission.document.finding((*where_of(name), "platform"), message, hint)  # type: ignore[union-attr]
 
 
 def _check_parts(

@@ -187,7 +187,7 @@ class TaskRun(MissionItem):
     def __init__(self, program: "MissionProgram", task: Task) -> None:
         super().__init__(task.name, task.options, task.options.deadline_s)
         self.program: Final = program
-        self.elsewhere: Final = (task.options.platform or "") if task.is_elsewhere else ""
+        self.elsewhere: Final = task.options.performer if task.is_elsewhere else ""
         """The other platform that performs it; empty for this platform's own."""
         self.actions: Final[dict[str, ActionRun]] = {
             action.name: ActionRun(self, action, program.rows[action.ability]) for action in task.actions.values()

@@ -24,6 +24,11 @@ Retries = Annotated[int, msgspec.Meta(ge=0, le=100)]
 ConditionPolicy = Literal["continue", "hold", "return", "land", "abort"]
 PlatformLossPolicy = Literal["continue", "skip", "hold", "return", "land", "abort"]
 PlatformName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+ANY: Final = "any"
+"""In place of a platform: one of those that fly the mission, which the assignment chooses."""
+EACH: Final = "each"
+"""In place of a platform: every platform that has a task performs it, for itself."""
+Candidates = Annotated[tuple[PlatformName, ...], msgspec.Meta(min_length=1, max_length=64)]
 RestartPolicy = Literal["continue", "hold", "land"]
 FlownBy = Literal["companion", "autopilot"]
 FLY_PLAN: Final = "fly_plan"
@@ -164,8 +169,9 @@ class ActionFile(ItemFile, frozen=True, kw_only=True):
 class TaskOptions(ItemFile, frozen=True, kw_only=True):
     """What a task takes beside its actions."""
 
-    platform: PlatformName | None = None
-    """The platform that performs it; in a mission for several platforms each task names one."""
+    platform: PlatformName | Candidates | None = None
+    """The platform that performs it; in a mission for several platforms each task names one. `any`, or a list of
+    platforms: the one to which it is assigned; `each`: every platform that has another task."""
     repeat: RepeatFile | None = None
     """Done several times, all its actions each time."""
     flown_by: FlownBy = "companion"
@@ -174,6 +180,20 @@ class TaskOptions(ItemFile, frozen=True, kw_only=True):
     plan: str | dict[str, str] | None = None
     """In place of actions, with `flown_by: autopilot`: another program's plan, relative to this file, whose items the
     autopilot flies unchanged; a mission that is sent contains its content."""
+
+    @property
+    def performer(self) -> str:
+        """The platform that performs it; empty while none is known."""
+        return self.platform if isinstance(self.platform, str) and self.platform not in (ANY, EACH) else ""
+
+    @property
+    def is_unassigned(self) -> bool:
+        """Whether several platforms may perform it, and none has been chosen."""
+        return self.platform == ANY or isinstance(self.platform, tuple)
+
+    def is_for(self, platform: str) -> bool:
+        """Whether a platform performs it, or may."""
+        return platform in self.platform if isinstance(self.platform, tuple) else self.platform in (ANY, EACH, platform)
 
 
 Actions = Annotated[dict[Name, dict[str, Any]], msgspec.Meta(min_length=1)]
@@ -240,7 +260,7 @@ class DefinitionFile(_Part, frozen=True, kw_only=True):
     otherwise: str | None = None
     repeat: dict[str, Any] | None = None
     flown_by: FlownBy | None = None
-    platform: PlatformName | None = None
+    platform: PlatformName | Candidates | None = None
 
 
 class LibraryFile(_Part, frozen=True, kw_only=True):
@@ -270,6 +290,8 @@ class MissionFile(Policies, frozen=True, kw_only=True):
     define: dict[Name, DefinitionFile] = {}
     """Tasks to be used by name."""
     tasks: Annotated[dict[Name, TaskFile], msgspec.Meta(min_length=1)]
+    assigned: dict[PlatformName, tuple[Name, ...]] = {}
+    """Platform to its tasks, each after the one before it: what was chosen for `platform: any` and lists."""
     contingencies: dict[Name, TaskFile] = {}
     """Tasks that policies name: `on_low_battery: {task: NAME, then: land}`."""
 
@@ -343,8 +365,13 @@ class Mission:
     @property
     def platforms(self) -> tuple[str, ...]:
         """The platforms that its tasks name, in the order of the file; empty for a mission of one."""
-        named = (task.options.platform for task in self.tasks.values())
-        return tuple(dict.fromkeys(name for name in named if name is not None))
+        named = (task.options.performer for task in self.tasks.values())
+        return tuple(dict.fromkeys(filter(None, named)))
+
+    @property
+    def unassigned(self) -> tuple[str, ...]:
+        """The tasks that wait for the choice of a platform, in the order of the file."""
+        return tuple(name for name, task in self.tasks.items() if task.options.is_unassigned and not task.is_elsewhere)
 
 
 def attempts(options: ItemFile) -> int:

@@ -43,10 +43,11 @@ def structure_findings(reading: Tasks) -> list[Finding]:
 
 def _without_platform(tasks: Mapping[str, TaskOptions], document: Document) -> Iterator[Finding]:
     """Findings for tasks without a platform: in a mission for several platforms each task names one."""
-    named = sorted({task.platform for task in tasks.values() if task.platform is not None})
+    named = [task for task in tasks.values() if task.platform is not None]
+    example = min((task.performer for task in named if task.performer), default="any")
     for name, task in tasks.items():
         if named and task.platform is None:
-            hint = f"add platform: {named[0]}"
+            hint = f"add platform: {example}"
             message = f"task {name!r} names no platform, and others do"
             yield document.finding(where_of(name), message, hint, at_key=True)
 

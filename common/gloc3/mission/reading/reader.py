@@ -1,6 +1,6 @@
 """Reads mission files: YAML in, a mission in NED with its fence out, or all errors in the file."""
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -34,6 +34,7 @@ from gloc3.mission.model.patterns import MAX_WAYPOINTS, height_is_known
 from gloc3.mission.model.placement import Placement, Point
 from gloc3.mission.model.structure import Tasks, structure_findings
 from gloc3.mission.model.waypoint_options import WaypointOptions
+from gloc3.mission.reading.assigned import assignment_findings, with_platforms, without_others
 from gloc3.mission.reading.definitions import expanded
 from gloc3.mission.reading.library import bundled
 from gloc3.mission.reading.mission_site import MissionSite, site_of
@@ -71,6 +72,11 @@ class MissionReferences:
     """The platform's; None where they are not known."""
     arm: bool = False
     """Whether missions may arm the platform."""
+    assigned: Mapping[str, Sequence[str]] | None = None
+    """Platform to its tasks in their order, in place of the file's `assigned`; tasks that are not listed and for which
+    no platform is chosen are then another's."""
+    ended: frozenset[str] = frozenset()
+    """Tasks that are left out, as those of other platforms are: they have begun or ended already."""
 
     def vehicle(self) -> PlanVehicle:
         """What must be known for a plan of another program."""
@@ -171,7 +177,8 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
     plans = plans_in(document, findings)
     site = site_of(document, surroundings, first_place(plans), findings)
     placement = site.placement if site is not None else None
-    tasks = _tasks(document, surroundings, placement, plans, findings)
+    assigned = _assigned(document, written, surroundings, findings)
+    tasks = _tasks(document, surroundings, placement, plans, findings, assigned)
     ready = _tasks(document.seen_as("tasks", "contingencies"), surroundings, placement, {}, findings)
     geofence = fence = None
     fence_node = document.root.children.get("geofence")
@@ -216,14 +223,14 @@ def _tasks(
     placement: Placement | None,
     plans: Plans,
     findings: list[Finding],
+    assigned: Mapping[str, TaskOptions] | None = None,
 ) -> Tasks:
     """The tasks of a document, each with its actions as far as they can be used."""
     found = Tasks(document=document, read={}, skeleton={}, actions={})
     waypoints = 0
     for name, node in _entries(document.root, "tasks"):
-        options = _options(node, TaskOptions, document.file, [], name)
-        platforms = (options.platform, surroundings.platform)
-        is_elsewhere = None not in platforms and options.platform != surroundings.platform
+        options = assigned[name] if assigned else _options(node, TaskOptions, document.file, [], name)
+        is_elsewhere = name in surroundings.ended or _is_of_another(options, surroundings)
         if isinstance(node.value, dict) and not {"actions", "use", "plan"} & {*node.children}:
             hint = "give it actions, a plan, or use a definition"
             findings.append(document.finding(("tasks", name), f"'actions' is missing in {name}", hint))
@@ -266,6 +273,31 @@ def _tasks(
         found.skeleton[name] = options
         found.read[name] = Task(name=name, actions=actions, options=options, is_elsewhere=is_elsewhere)
     return found
+
+
+def _is_of_another(options: TaskOptions, surroundings: MissionReferences) -> bool:
+    """Whether another platform performs a task than that whose tasks are read."""
+    if options.platform is None or surroundings.platform is None:
+        return False
+    is_left_out = surroundings.assigned is not None and options.is_unassigned
+    return is_left_out or not options.is_for(surroundings.platform)
+
+
+def _assigned(
+    document: Document, written: MissionFile | None, surroundings: MissionReferences, findings: list[Finding]
+) -> dict[str, TaskOptions]:
+    """The options of all tasks, with the platforms that were chosen for them."""
+    tasks = {
+        name: _options(node, TaskOptions, document.file, [], name) for name, node in _entries(document.root, "tasks")
+    }
+    if surroundings.assigned is not None:
+        chosen: Mapping[str, Sequence[str]] = surroundings.assigned
+    else:
+        chosen = written.assigned if written is not None else {}
+        findings += assignment_findings(document, tasks, chosen)
+    tasks = with_platforms(tasks, chosen)
+    own = {name for name, options in tasks.items() if not _is_of_another(options, surroundings)}
+    return {name: without_others(options, own) for name, options in tasks.items()}
 
 
 def _may_be_planned(order: Arguments, capabilities: Container[str] | None) -> bool:

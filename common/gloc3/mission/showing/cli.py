@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from gloc3.cli.counting import counted
 from gloc3.errors import Finding, InputError, NotFound, Refused
 from gloc3.installed import installed_points
+from gloc3.mission.assigning.assignment import AvailableVehicle, TaskAssignment, assign
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.estimate import about
 from gloc3.mission.checking.plan_check import check_plan
@@ -86,7 +87,7 @@ def check(
         mission: The mission to check.
         platforms: A platform file or the name of an installed platform to check against; without it only the file
             itself is checked. May be given again for a mission whose tasks are for several platforms; then the parts of
-            platforms that are not given are checked separately.
+            platforms that are not given are checked separately. Tasks with platform: any are assigned to those given.
         terrain: A folder with terrain tiles (SRTM .hgt or .hgt.zip) to check heights above the ground against; needed
             for height_above: ground. None is downloaded.
         clearance: Least height above that ground in metres; default: the platform's limits.ground_clearance_m.
@@ -100,6 +101,8 @@ def check(
     try:
         if _is_plan(path):
             return _check_plan(path, replace(around, platform=on[0] if on else None), json_output=json_output)
+        if assignment := _assignment(path, around, on):
+            return _print_assignment(assignment, json_output=json_output)
         report = _report(path, replace(around, platform=on[0] if len(on) == 1 else None), on)
     except NotFound as error:
         return _fail(error, WRONG_USE)
@@ -139,12 +142,41 @@ def _print_report(report: CheckReport, verdict: str, *, json_output: bool, is_ok
     return OK if is_ok else FAILED
 
 
+def _assignment(path: Path, circumstances: Circumstances, on: Sequence[Platform]) -> TaskAssignment | None:
+    """Who does what, where the mission leaves that open and platforms are given.
+
+    Raises:
+        Refused: two of the platforms have one name.
+    """
+    names = [one.platform for one in on]
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise Refused(f"two platform files are named {twice}: vehicles that fly together need names of their own")
+    if not on or _is_plan(path):
+        return None
+    file, text, _ = mission_text(str(path))
+    mission = check_text(text, file, replace(circumstances, is_assigned_later=True)).mission
+    if mission is None or not mission.unassigned:
+        return None
+    return assign(text, file, [AvailableVehicle(platform=one) for one in on], circumstances)
+
+
+def _print_assignment(assignment: TaskAssignment, *, json_output: bool) -> int:
+    report = assignment.report
+    if not json_output:
+        for share in assignment.shares:
+            _print(str(share))
+        return _print_report(report, _verdict(report), json_output=False, is_ok=report.is_ok)
+    shares = {share.platform: share.as_dict() for share in assignment.shares}
+    _print(json.dumps(report.as_dict() | {"assigned": shares}, indent=2))
+    return OK if report.is_ok else FAILED
+
+
 @app.command
 def show(
     mission: Mission,
     /,
     *,
-    platform: OnPlatform = None,
+    platforms: OnPlatforms = None,
     terrain: Path | None = None,
     mermaid_output: Annotated[bool, Parameter(name="--mermaid")] = False,
     svg: Path | None = None,
@@ -153,22 +185,26 @@ def show(
 
     Args:
         mission: The mission to draw.
-        platform: The platform that flies it, for better estimates.
+        platforms: The platform that flies it, for better estimates. May be given again: tasks with platform: any are
+            assigned to those given.
         terrain: A folder with terrain tiles (SRTM .hgt or .hgt.zip): draws the heights over the ground, too.
         mermaid_output: Draw a Mermaid flowchart instead.
         svg: Draw its path in plan view and its order over time into this file instead.
     """
     try:
-        path, on = find_mission(mission), _platform(platform)
+        path, given = find_mission(mission), [load_platform(name) for name in platforms or ()]
     except InputError as error:
         return _fail(error, WRONG_USE)
-    around = _above(terrain, None)
+    around, on = _above(terrain, None), given[0] if len(given) == 1 else None
     try:
         if _is_plan(path) and (listed := _listed(path, on)):
             _print(listed, end="")
             return OK
-        report = _report(path, replace(around, platform=on))
+        assignment = _assignment(path, around, given)
+        report = assignment.report if assignment else _report(path, replace(around, platform=on), given[1:] and given)
         found = report.flyable()
+        for share in assignment.shares if assignment else ():
+            _print(str(share))
     except InputError as error:
         return _fail(error, WRONG_USE if isinstance(error, NotFound) else FAILED)
     if svg is not None:
@@ -343,13 +379,17 @@ def _report(path: Path, circumstances: Circumstances, known: Sequence[Platform] 
         return check_plan(path, circumstances).report
     found = {one.platform: one for one in known}
     file, text, _ = mission_text(str(path))
-    return check_text(text, file, replace(circumstances, known=found.get if found else None))
+    around = replace(circumstances, known=found.get if found else None, is_assigned_later=not found)
+    return check_text(text, file, around)
 
 
 def _verdict(report: CheckReport) -> str:
     numbers = f": {about(report.estimate)}" if report.estimate is not None else ""
     errors = sum(not finding.is_warning for finding in report.findings)
     warnings = len(report.findings) - errors
+    if report.is_ok and report.mission is not None and report.mission.unassigned:
+        left = ", ".join(report.mission.unassigned)
+        return f"{report.file} is well written; --platform A --platform B assigns {left}, and checks all parts"
     if report.is_ok:
         return f"{report.file} is fit to fly{numbers}" + (f" ({counted(warnings, 'warning')})" if warnings else "")
     return f"{report.file} is not fit to fly: {counted(errors, 'error')}"

@@ -115,6 +115,9 @@ def _relations(options: ItemFile) -> list[str]:
 def terms(options: ItemFile) -> list[str]:
     """The options of a task or action besides its order, in words."""
     found: list[str] = []
+    if isinstance(options, TaskOptions) and options.platform is not None:
+        wanted = options.platform
+        found.append(f"on {wanted if isinstance(wanted, str) else ' or '.join(wanted)}")
     if isinstance(options, TaskOptions) and options.repeat is not None:
         until = f", until {options.repeat.until}" if options.repeat.until is not None else ""
         found.append(f"up to {options.repeat.times} times{until}" if until else f"{options.repeat.times} times")

@@ -9,7 +9,7 @@ from tests.onboard.stage import Stage
 
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.test_bench import Bench
-from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
+from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.perception import SatelliteFix
 from gloc3.messages.vehicle import AutopilotState, HeightAboveGround, Image, LandedState, Pose
 from gloc3_onboard.components.processors.pose import PoseProcessor, PoseSettings

@@ -8,7 +8,7 @@ import msgspec
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions, find_mission
-from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES, exported, mission_text, written_text
+from gloc3.mission.formats import MISSION_SUFFIXES, exported, is_plan_file, mission_text, written_text
 from gloc3.mission.reading.library import bundled
 from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
@@ -119,7 +119,7 @@ def opened(name: str, platform: Platform | None, terrain: Terrain | None = None)
         raise Refused(f"{name}: {error}") from None
     if not is_file:
         raise Refused(f"there is no file {name}" if not path.is_dir() else f"{name} is a folder")
-    is_plan = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
+    is_plan = is_plan_file(path)
     is_example = path in example_missions().values()
     try:
         left_out: list[Finding] = []

@@ -9,16 +9,11 @@ from typing import Final
 import msgspec
 
 from gloc3.mission.examples import example_missions
-from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES
+from gloc3.mission.formats import MISSION_SUFFIXES, plan_formats
+from gloc3.mission.formats.plan_format import WAYPOINTS
 
 LISTED_MAX: Final = 2000
 """Entries of a folder that are listed."""
-KINDS: Final = {
-    **dict.fromkeys(MISSION_SUFFIXES, "mission"),
-    **dict.fromkeys(PLAN_SUFFIXES, "QGroundControl plan"),
-    **dict.fromkeys(WPL_SUFFIXES, "waypoints"),
-}
-
 LISTED_MOST: Final = 1 << 16
 """Bytes at the start of a file that are examined for a mission."""
 _BEGINS: Final = {
@@ -26,7 +21,9 @@ _BEGINS: Final = {
         MISSION_SUFFIXES,
         re.compile(rb"^(\xef\xbb\xbf)?(\{\s*)?[\"']?(mission|tasks)[\"']?\s*:", re.IGNORECASE | re.MULTILINE).search,
     ),
-    **dict.fromkeys({*WPL_SUFFIXES} - {".waypoints"}, re.compile(rb"(\xef\xbb\xbf)?\s*QGC\s+WPL", re.IGNORECASE).match),
+    **dict.fromkeys(
+        {*WAYPOINTS.suffixes} - {".waypoints"}, re.compile(rb"(\xef\xbb\xbf)?\s*QGC\s+WPL", re.IGNORECASE).match
+    ),
 }
 
 
@@ -82,7 +79,7 @@ def start_entries(recent: Sequence[str]) -> tuple[MissionEntry, ...]:
     examples = example_missions()
     lately = [
         MissionEntry(
-            group=FileGroup.RECENT, name=Path(name).name, path=name, kind=KINDS.get(Path(name).suffix, "mission")
+            group=FileGroup.RECENT, name=Path(name).name, path=name, kind=kinds().get(Path(name).suffix, "mission")
         )
         for name in recent
         if name not in examples and _is_file(Path(name))
@@ -104,17 +101,25 @@ def matching(entries: Sequence[MissionEntry], typed: str) -> tuple[MissionEntry,
     )
 
 
+def kinds(*, is_written: bool = False) -> dict[str, str]:
+    """What files of each suffix are, for users; all that can be read, or those that can be written."""
+    formats = plan_formats().by_suffix.items()
+    plans = {suffix: one.title for suffix, one in formats if one.write is not None or not is_written}
+    return {**dict.fromkeys(MISSION_SUFFIXES, "mission"), **plans}
+
+
 def _entries(folder: Path) -> Iterator[MissionEntry]:
+    known = kinds()
     for path in folder.iterdir():
         if path.name.startswith("."):
             continue
         try:
             if path.is_dir():
                 yield MissionEntry(group=FileGroup.FOLDER, name=path.name, path=str(path), kind="folder")
-            elif path.suffix in KINDS and path.is_file() and _may_be_mission(path):
+            elif path.suffix in known and path.is_file() and _may_be_mission(path):
                 size = path.stat().st_size
                 yield MissionEntry(
-                    group=FileGroup.FOLDER, name=path.name, path=str(path), kind=KINDS[path.suffix], size=size
+                    group=FileGroup.FOLDER, name=path.name, path=str(path), kind=known[path.suffix], size=size
                 )
         except OSError:
             continue

@@ -13,7 +13,7 @@ from gloc3.messages.command_interface import Outcome, ReadMission
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.plan_check import check_plan
 from gloc3.mission.examples import example_missions, find_mission
-from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, mission_text
+from gloc3.mission.formats import is_plan_file, mission_text
 from gloc3.mission.model.model import digest_of
 from gloc3.platform.bases import platform_files
 from gloc3.platform.platform import Platform
@@ -71,7 +71,7 @@ def read_plan(
         raise Refused(f"there is no mission file {name!r}")
     known = known_platform(platform, components)
     circumstances = Circumstances(platform=known, known=known_platform, terrain=terrain)
-    is_foreign = path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
+    is_foreign = is_plan_file(path)
     if is_foreign:
         plan = _plan(check_plan(path, circumstances).report)
     else:

@@ -12,7 +12,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3.mavlink.services.version import ProtocolCapability
-from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, write_plan, write_wpl
+from gloc3.mission.formats import load_plan, plan_text
 from gloc3.mission.formats.items import ForeignPlan
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
@@ -141,17 +141,13 @@ class PlanService:
 
     @staticmethod
     def save(found: VehiclePlan, path: Path) -> None:
-        """Saves downloaded plans in the format of the suffix: `.plan`, or a file of waypoints without fence and rally.
+        """Saves downloaded plans in the format of the suffix: `.plan`, or others, which cannot hold everything.
 
         Raises:
-            Refused: the suffix is unknown, or the file cannot be written.
+            InputError: the suffix is unknown, or its format cannot hold the plan.
+            Refused: the file cannot be written.
         """
-        if path.suffix in PLAN_SUFFIXES:
-            text = write_plan(found.plan)
-        elif path.suffix in WPL_SUFFIXES:
-            text = write_wpl(found.plan)
-        else:
-            raise Refused(f"{path.name}: the file must end in {', '.join((*PLAN_SUFFIXES, *WPL_SUFFIXES))}")
+        text, _ = plan_text(found.plan, path.suffix, path.name)
         try:
             path.write_text(text)
         except OSError as error:

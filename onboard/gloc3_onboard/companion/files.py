@@ -10,7 +10,7 @@ from typing import Final
 
 from gloc3.mavlink.services.files.ftp import FolderEntry
 from gloc3.mavlink.services.files.ftp_files import Files, FolderFiles
-from gloc3.mission.formats import MISSION_SUFFIXES, PLAN_SUFFIXES, WPL_SUFFIXES
+from gloc3.mission.formats import MISSION_SUFFIXES, is_plan_file
 from gloc3_onboard.command_server.log_shelf import LOG_NAME
 
 MISSIONS: Final = "missions"
@@ -141,7 +141,7 @@ class MissionFolder(FolderFiles):
             PermissionError: no mission may be called that.
         """
         name = path.strip("/")
-        is_known = Path(name).suffix in (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
+        is_known = Path(name).suffix in MISSION_SUFFIXES or is_plan_file(Path(name))
         if not is_known or not _MISSION.fullmatch(name):
             raise PermissionError(f"{name!r} is not a mission file name")
         return name

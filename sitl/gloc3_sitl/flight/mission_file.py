@@ -10,7 +10,7 @@ from gloc3.mission.checking.checker import CheckReport, Circumstances, check_tex
 from gloc3.mission.checking.estimate import MissionEstimate
 from gloc3.mission.checking.plan_check import check_plan, planned_home
 from gloc3.mission.examples import find_mission
-from gloc3.mission.formats import PLAN_SUFFIXES, WPL_SUFFIXES, load_plan, mission_text
+from gloc3.mission.formats import is_plan_file, load_plan, mission_text
 from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.model import GEO, Mission
 from gloc3.platform.platform import Platform
@@ -56,7 +56,7 @@ def find_file(name: str) -> Path:
 
 def platform_for(path: Path) -> str:
     """Returns the default platform of a mission."""
-    if path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+    if is_plan_file(path):
         return OUTDOORS
     try:
         written = parse(load_bytes(path), str(path)).value
@@ -106,7 +106,7 @@ def read_mission_file(path: Path, platform: Platform, folder: Path, terrain: Ter
     Raises:
         InputError: it cannot be read, not be expressed, or may not fly; with everything that is wrong.
     """
-    if path.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+    if not is_plan_file(path):
         file, text, _ = mission_text(str(path), platform)
         return _flyable(file, check_text(text, file, Circumstances(platform=platform, terrain=terrain)), None)
     home = planned_home(load_plan(path))

@@ -12,7 +12,6 @@ from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import (
     in_source,
     load_plan,
-    lost_in_waypoints,
     read_plan,
     read_wpl,
     to_mission,
@@ -21,6 +20,7 @@ from gloc3.mission.formats import (
 )
 from gloc3.mission.formats.from_mission import from_mission
 from gloc3.mission.formats.items import FenceArea
+from gloc3.mission.formats.plan_format import lost_in_waypoints
 from gloc3.mission.reading.reader import read_mission
 from gloc3.platform.reader import load_platform
 

@@ -1,16 +1,14 @@
 """Plug-ins of installed packages: the example's screen, line and alert, and those that fail."""
 
-import shutil
-import tomllib
 from pathlib import Path
 
 import pytest
 from tests.groundstation.station_scene import scene
+from tests.installed_package import install, install_example
 
 from gloc3_groundstation.tui.screens.plugged import PREFIX
 
 pytestmark = pytest.mark.sockets
-EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "plug_in"
 BROKEN = """
 def rule(fleet, now_s):
     raise ValueError("no calibration\\nhere")
@@ -27,22 +25,9 @@ NOTHING = 7
 """
 
 
-def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
-    """What an installer leaves of a package beside its module."""
-    info = folder / f"{name}-0.1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
-    text = [
-        f"[{group}]\n" + "".join(f"{key} = {value}\n" for key, value in rows.items()) for group, rows in points.items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(text))
-
-
 @pytest.fixture
 def example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]
-    shutil.copy(EXAMPLE / "gloc3_range_watch.py", tmp_path)
-    install(tmp_path, "gloc3_range_watch", project["entry-points"])
+    install_example(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
 
 

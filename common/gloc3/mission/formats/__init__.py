@@ -1,12 +1,12 @@
-"""Missions of other programs: `.plan` of QGroundControl and `QGC WPL 110`.
+"""Missions of other programs: `.plan` of QGroundControl, `QGC WPL 110`, and the formats of plug-ins.
 
-`load_plan` reads any of them and `exported` writes them; `items` is the form that they have in common.
+`load_plan` reads any of them and `exported` writes them; `items` is the form that they have in common, and
+`plan_format` what a format is.
 """
 
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
 
 from gloc3.documents.document import dump, load_bytes
 from gloc3.errors import Finding, InputError
@@ -16,7 +16,16 @@ from gloc3.mission.formats.from_mission import from_mission
 from gloc3.mission.formats.items import ForeignPlan
 from gloc3.mission.formats.on_earth import on_earth
 from gloc3.mission.formats.plan import read_plan, write_plan
-from gloc3.mission.formats.plan_source import MAX_BYTES
+from gloc3.mission.formats.plan_format import (
+    CONVERT_FIRST,
+    MISSION_SUFFIXES,
+    NEEDS_PLUG_IN,
+    is_added,
+    is_plan_file,
+    load_plan,
+    plan_formats,
+    plan_text,
+)
 from gloc3.mission.formats.source_lines import in_source
 from gloc3.mission.formats.to_mission import to_mission
 from gloc3.mission.formats.wpl import read_wpl, write_wpl
@@ -24,27 +33,6 @@ from gloc3.mission.model.model import GEO, Mission
 from gloc3.mission.reading.library import bundled
 from gloc3.mission.reading.writer import write_mission
 from gloc3.platform.platform import Platform
-
-PLAN_SUFFIXES: Final = (".plan",)
-WPL_SUFFIXES: Final = (".waypoints", ".txt", ".wpl", ".mission")
-MISSION_SUFFIXES: Final = (".yaml", ".yml")
-_WITH_HEADING: Final = frozenset({16, 21, 22, 84, 85})
-"""Commands with a heading in parameter 4."""
-
-
-def load_plan(path: Path) -> ForeignPlan:
-    """Reads a plan, or a file of waypoints, by its suffix.
-
-    Raises:
-        InputError: it cannot be read; with the reason.
-    """
-    data = load_bytes(path, MAX_BYTES)
-    if path.suffix in PLAN_SUFFIXES:
-        return read_plan(data, str(path))
-    if path.suffix in WPL_SUFFIXES:
-        return read_wpl(data, str(path))
-    known = ", ".join((*PLAN_SUFFIXES, *WPL_SUFFIXES))
-    raise InputError([Finding(file=str(path), message=f"unknown kind of file {path.suffix!r}", hint=f"known: {known}")])
 
 
 def written_text(path: Path) -> str:
@@ -74,7 +62,7 @@ def mission_text(name: str, platform: Platform | None = None) -> tuple[str, str,
         InputError: it cannot be read or converted; with the reasons.
     """
     path = find_mission(name)
-    if path.suffix in MISSION_SUFFIXES or path.suffix not in (*PLAN_SUFFIXES, *WPL_SUFFIXES):
+    if not is_plan_file(path):
         return str(path), bundled(written_text(path), path), []
     text, warnings = to_mission(load_plan(path), path.stem, str(path), platform)
     return str(path), text, warnings
@@ -90,6 +78,8 @@ def as_it_is_text(path: Path, beside: Path) -> str:
     Raises:
         InputError: the plan cannot be read, or has no items.
     """
+    if is_added(path.suffix):
+        raise InputError([Finding(file=str(path), message=NEEDS_PLUG_IN, hint=CONVERT_FIRST)])
     if not load_plan(path).items:
         hint = "its fence and rally points go to the autopilot: upload it there"
         raise InputError([Finding(file=str(path), message="it has no mission items", hint=hint)])
@@ -122,29 +112,19 @@ def exported(
     """
     if suffix in MISSION_SUFFIXES:
         return write_mission(mission), []
-    known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
-    if suffix not in known:
-        hint = f"known: {', '.join(known)}"
+    formats = plan_formats()
+    if suffix not in formats.by_suffix:
+        hint = formats.hint(*MISSION_SUFFIXES, is_written=True)
         raise InputError([Finding(file=file, message=f"unknown kind of file {suffix!r}", hint=hint)])
     if frames is not None and mission.frame in frames:
         mission = on_earth(mission, frames[mission.frame])
     plan, warnings = from_mission(mission, file)
-    if suffix in PLAN_SUFFIXES:
-        return write_plan(plan), warnings
-    return write_wpl(plan), [*warnings, *lost_in_waypoints(plan, file)]
-
-
-def lost_in_waypoints(plan: ForeignPlan, file: str) -> list[Finding]:
-    """What of a plan a file of waypoints cannot carry."""
-    lost = []
-    if plan.items and (plan.fence or plan.rally):
-        lost.append(("a waypoint file cannot hold the fence and rally points beside a mission", "convert it to .plan"))
-    if any(item.command in _WITH_HEADING and item.params[3] is None for item in plan.items):
-        lost.append(("a waypoint file cannot leave a heading open: 0 is written", "PX4 turns to north there"))
-    return [Finding(file=file, message=message, hint=hint, is_warning=True) for message, hint in lost]
+    text, lost = plan_text(plan, suffix, file)
+    return text, [*warnings, *lost]
 
 
 __all__ = [
+    "MISSION_SUFFIXES",
     "ForeignPlan",
     "as_it_is",
     "as_it_is_text",
@@ -152,9 +132,13 @@ __all__ = [
     "exported",
     "from_mission",
     "in_source",
+    "is_plan_file",
     "items",
     "load_plan",
     "mission_text",
+    "plan_format",
+    "plan_formats",
+    "plan_text",
     "read_plan",
     "read_wpl",
     "to_mission",

@@ -11,6 +11,7 @@ from gloc3.messages.frames import GeoPoint
 from gloc3.mission.formats import read_plan, read_wpl
 from gloc3.mission.formats.as_it_is import PlanVehicle, file_order
 from gloc3.mission.formats.items import ForeignPlan
+from gloc3.mission.formats.plan_format import CONVERT_FIRST, NEEDS_PLUG_IN, is_added
 from gloc3.mission.formats.to_mission import geofence_of
 from gloc3.mission.model.model import FLY_FILE, GEO, Action, GeofenceFile, TaskOptions
 
@@ -29,8 +30,12 @@ def plans_in(document: Document, findings: list[Finding]) -> Plans:
             findings.append(document.finding(where, message, hint))
             continue
         file, content = next(iter(node.value.items()))
+        suffix = PurePosixPath(str(file)).suffix
+        if is_added(suffix):
+            findings.append(document.finding(where, NEEDS_PLUG_IN, CONVERT_FIRST))
+            continue
         try:
-            read = read_plan if PurePosixPath(str(file)).suffix == ".plan" else read_wpl
+            read = read_plan if suffix == ".plan" else read_wpl
             found[name] = read(str(content), str(PurePosixPath(document.file).parent / str(file)))
         except InputError as error:
             findings += error.findings

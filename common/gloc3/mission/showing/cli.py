@@ -19,16 +19,14 @@ from gloc3.mission.checking.plan_check import check_plan
 from gloc3.mission.examples import find_mission
 from gloc3.mission.formats import (
     MISSION_SUFFIXES,
-    PLAN_SUFFIXES,
-    WPL_SUFFIXES,
     as_it_is_text,
     exported,
+    is_plan_file,
     load_plan,
-    lost_in_waypoints,
     mission_text,
+    plan_formats,
+    plan_text,
     to_mission,
-    write_plan,
-    write_wpl,
 )
 from gloc3.mission.reading.reader import MissionReferences, load_mission
 from gloc3.mission.showing.picture import picture
@@ -99,7 +97,7 @@ def check(
         return _fail(error, WRONG_USE)
     around = _above(terrain, clearance)
     try:
-        if _is_plan(path):
+        if is_plan_file(path):
             return _check_plan(path, replace(around, platform=on[0] if on else None), json_output=json_output)
         if assignment := _assignment(path, around, on):
             return _print_assignment(assignment, json_output=json_output)
@@ -197,7 +195,7 @@ def show(
         return _fail(error, WRONG_USE)
     around, on = _above(terrain, None), given[0] if len(given) == 1 else None
     try:
-        if _is_plan(path) and (listed := _listed(path, on)):
+        if is_plan_file(path) and (listed := _listed(path, on)):
             _print(listed, end="")
             return OK
         assignment = _assignment(path, around, given)
@@ -303,7 +301,7 @@ def schema(*, platform: OnPlatform = None, out: Path | None = None) -> int:
 
 @app.command
 def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None, as_it_is: bool = False) -> int:
-    """Convert between missions (.yaml), plans (.plan) and waypoints (.waypoints, .txt), by suffix.
+    """Convert between missions (.yaml), plans (.plan), waypoints (.waypoints, .txt) and formats of plug-ins, by suffix.
 
     Args:
         source: The file to convert.
@@ -312,15 +310,16 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None, as
             a mission in one of them can become a plan, which the autopilot flies alone.
         as_it_is: Make a mission that has the autopilot fly the plan unchanged, with all its commands.
     """
-    known = (*MISSION_SUFFIXES, *PLAN_SUFFIXES, *WPL_SUFFIXES)
-    if target.suffix not in known:
-        _report_problem(f"{target}: unknown kind of file {target.suffix!r} (known: {', '.join(known)})")
+    formats = plan_formats()
+    if target.suffix not in (*MISSION_SUFFIXES, *formats.by_suffix):
+        hint = formats.hint(*MISSION_SUFFIXES, is_written=True)
+        _report_problem(f"{target}: unknown kind of file {target.suffix!r} ({hint})")
         return WRONG_USE
     try:
         path, on = find_mission(source), _platform(platform)
     except InputError as error:
         return _fail(error, WRONG_USE)
-    if as_it_is and not (_is_plan(path) and target.suffix in MISSION_SUFFIXES):
+    if as_it_is and not (is_plan_file(path) and target.suffix in MISSION_SUFFIXES):
         _report_problem("--as-it-is makes a mission (.yaml) of a plan (.plan, .waypoints, .txt)")
         return WRONG_USE
     try:
@@ -334,7 +333,7 @@ def convert(source: Mission, target: Path, /, *, platform: OnPlatform = None, as
 
 
 def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[str, list[Finding]]:
-    if not _is_plan(source):
+    if not is_plan_file(source):
         frames = platform.local_frames() if platform is not None else None
         return exported(
             load_mission(str(source), MissionReferences.of(platform, is_ground_level=True)), suffix, str(source), frames
@@ -342,9 +341,7 @@ def _converted(source: Path, suffix: str, platform: Platform | None) -> tuple[st
     plan = load_plan(source)
     if suffix in MISSION_SUFFIXES:
         return to_mission(plan, source.stem, str(source), platform)
-    if suffix in PLAN_SUFFIXES:
-        return write_plan(plan), []
-    return write_wpl(plan), lost_in_waypoints(plan, str(source))
+    return plan_text(plan, suffix, str(source))
 
 
 def _write(file: Path, text: str) -> int:
@@ -360,10 +357,6 @@ def _platform(name: str | None) -> Platform | None:
     return load_platform(name) if name is not None else None
 
 
-def _is_plan(path: Path) -> bool:
-    return path.suffix in (*PLAN_SUFFIXES, *WPL_SUFFIXES)
-
-
 def _listed(path: Path, platform: Platform | None) -> str:
     """The items of a plan that cannot become a mission; empty for one that can."""
     plan = load_plan(path)
@@ -375,7 +368,7 @@ def _listed(path: Path, platform: Platform | None) -> str:
 
 
 def _report(path: Path, circumstances: Circumstances, known: Sequence[Platform] = ()) -> CheckReport:
-    if _is_plan(path):
+    if is_plan_file(path):
         return check_plan(path, circumstances).report
     found = {one.platform: one for one in known}
     file, text, _ = mission_text(str(path))

@@ -15,7 +15,7 @@ from textual.widgets import Input, Static
 from gloc3.errors import Refused
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.missions.draft import Draft, objection
-from gloc3_groundstation.missions.files import KINDS, FileGroup, MissionEntry, listing, matching, start_entries
+from gloc3_groundstation.missions.files import FileGroup, MissionEntry, kinds, listing, matching, start_entries
 from gloc3_groundstation.tui.dialogues.questions import choices
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, spread, wrapped
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
@@ -230,8 +230,9 @@ class SaveMission(ModalScreen[bool]):
         return Path(value).expanduser() if value else None
 
     def _refusal(self, path: Path) -> str:
-        if path.suffix not in KINDS:
-            return f"the file type follows the suffix: {', '.join(KINDS)}"
+        known = kinds(is_written=True)
+        if path.suffix not in known:
+            return f"the file type follows the suffix: {', '.join(known)}"
         if path.is_dir() or not path.absolute().parent.is_dir():
             return f"{path} is a folder" if path.is_dir() else f"there is no folder {path.absolute().parent}"
         try:
@@ -250,7 +251,7 @@ class SaveMission(ModalScreen[bool]):
         if refusal:
             text.show(_text(refusal, Tone.BAD, text.width))
             return
-        lines: list[Line] = [(Span(f"written as: {KINDS[path.suffix]}", Tone.DIM),)]
+        lines: list[Line] = [(Span(f"written as: {kinds()[path.suffix]}", Tone.DIM),)]
         lost = self._lost(path)
         if lost:
             lines += [EMPTY, (Span("This file type cannot hold everything:", Tone.WARN),)]

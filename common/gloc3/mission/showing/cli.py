@@ -149,7 +149,7 @@ def _assignment(path: Path, circumstances: Circumstances, on: Sequence[Platform]
     names = [one.platform for one in on]
     if twice := next((name for name in names if names.count(name) > 1), ""):
         raise Refused(f"two platform files are named {twice}: vehicles that fly together need names of their own")
-    if not on or _is_plan(path):
+    if not on or is_plan_file(path):
         return None
     file, text, _ = mission_text(str(path))
     mission = check_text(text, file, replace(circumstances, is_assigned_later=True)).mission

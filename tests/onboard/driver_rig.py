@@ -41,7 +41,7 @@ class DriverRig:
 
     def step(self, **messages: Message) -> None:
         now_s = self.now_s + STEP_S
-        before, state = self.autopilot.state, self.autopilot.tick(now_s)
+        before, state = self.autopilot.reported, self.autopilot.tick(now_s)
         if self._count % 4 == 0 or state is not before:
             messages.setdefault("autopilot", state)
         self._count += 1
@@ -60,7 +60,7 @@ class DriverRig:
 
     def see(self) -> None:
         """The autopilot has changed by itself, or by a pilot's hand; the driver is told."""
-        self.step(autopilot=self.autopilot.state)
+        self.step(autopilot=self.autopilot.reported)
 
     def hold(self, owner: str = "go") -> None:
         """The owner asks for the present place from now on."""

@@ -11,7 +11,7 @@ from .messages import standing
 
 
 class ScriptedAutopilot:
-    """Driven by `tick`; `state` is what its sampler would report.
+    """Driven by `tick`; `reported` is its true state, and what its sampler would report.
 
     Args:
         style: `px4` or `ardupilot`.
@@ -20,7 +20,7 @@ class ScriptedAutopilot:
     def __init__(self, style: str = "px4", vehicle: VehicleClass = VehicleClass.COPTER) -> None:
         self.is_px4 = style == "px4"
         self.vehicle = vehicle
-        self.state: AutopilotState = standing(FlightMode.HOLD if self.is_px4 else FlightMode.MANUAL)
+        self.reported: AutopilotState = standing(FlightMode.HOLD if self.is_px4 else FlightMode.MANUAL)
         self.setpoints: list[tuple[float, Vector3 | None, Vector3 | None]] = []
         """When, position, velocity."""
         self.commands: list[str] = []
@@ -28,6 +28,8 @@ class ScriptedAutopilot:
         self.refuses: dict[str, str] = {}
         """The begin of a command's words to the reason."""
         self.is_deaf = False
+        self.is_heard = True
+        """Whether its link works."""
         self.delay_s = 0.1
         self.now_s = 0.0
         self._waiting: list[tuple[float, int, str]] = []
@@ -35,6 +37,9 @@ class ScriptedAutopilot:
         self._tickets = 0
 
     # --- the device ---
+
+    def state(self) -> AutopilotState:
+        return replace(self.reported, is_connected=self.is_heard)
 
     @property
     def behaviour(self) -> AutopilotBehaviour:
@@ -84,30 +89,32 @@ class ScriptedAutopilot:
                 self._answers[ticket] = CommandAnswer(not reason, reason)
                 if not reason:
                     self._do(words)
-        return self.state
+        return self.reported
 
     def _do(self, words: str) -> None:
         if words.startswith("mode "):
             self.enter(FlightMode(words.removeprefix("mode ")))
         elif words in ("arm", "disarm"):
-            self.state = replace(self.state, is_armed=words == "arm")
+            self.reported = replace(self.reported, is_armed=words == "arm")
         else:
-            mode = FlightMode.TAKE_OFF if self.is_px4 else self.state.mode
-            self.state = replace(self.state, mode=mode, mode_name=str(mode))
+            mode = FlightMode.TAKE_OFF if self.is_px4 else self.reported.mode
+            self.reported = replace(self.reported, mode=mode, mode_name=str(mode))
 
     def enter(self, mode: FlightMode) -> None:
         """Somebody changes the mode."""
-        landed = LandedState.LANDING if mode is FlightMode.LAND else self.state.landed
-        self.state = replace(self.state, mode=mode, mode_name=str(mode), landed=landed)
+        landed = LandedState.LANDING if mode is FlightMode.LAND else self.reported.landed
+        self.reported = replace(self.reported, mode=mode, mode_name=str(mode), landed=landed)
 
     def fly(self, mode: FlightMode = FlightMode.HOLD) -> None:
         """It is in the air."""
-        self.state = replace(self.state, is_armed=True, landed=LandedState.IN_AIR, mode=mode, mode_name=str(mode))
+        self.reported = replace(self.reported, is_armed=True, landed=LandedState.IN_AIR, mode=mode, mode_name=str(mode))
 
     def touch_down(self) -> None:
         """It has landed and disarms, as both styles do."""
-        mode = FlightMode.HOLD if self.is_px4 else self.state.mode
-        self.state = replace(self.state, is_armed=False, landed=LandedState.ON_GROUND, mode=mode, mode_name=str(mode))
+        mode = FlightMode.HOLD if self.is_px4 else self.reported.mode
+        self.reported = replace(
+            self.reported, is_armed=False, landed=LandedState.ON_GROUND, mode=mode, mode_name=str(mode)
+        )
 
     @property
     def modes_asked(self) -> list[str]:

@@ -84,6 +84,9 @@ class Component(ABC, Generic[S]):
     """Requests a cycle soon; set by the host. Devices with new data call it, from any thread."""
 
     inputs: ClassVar[dict[str, Input[Any]]]
+    needs_one_of: ClassVar[tuple[str, ...]] = ()
+    """Inputs of which one at least has to come, or what it publishes becomes invalid; none where each alone is enough, or
+    nothing is."""
     outputs: ClassVar[dict[str, Output[Any]]]
     functions: ClassVar[dict[str, "FunctionEntry"]]
 

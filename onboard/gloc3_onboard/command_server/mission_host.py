@@ -46,6 +46,8 @@ from gloc3_onboard.command_server.vehicle_state import VehicleState
 
 DIRECT_PERIOD_S: Final = 2.0
 """How often the autopilot is asked for its own landing until it lands."""
+DRIVER_SILENT_S: Final = 2.0
+"""What a driver that has not reported for so long was doing says nothing of the present; it reports at 5 Hz."""
 COME_UP_S: Final = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 
@@ -173,7 +175,8 @@ class MissionHost:
         if not executor.needs_direct_landing(now_s) or executor.board.has_pilot:
             self._is_landing_reported = False
             return []
-        driver = self._observing.snapshot.driver
+        snapshot = self._observing.snapshot
+        driver = snapshot.driver if now_s - snapshot.driver_s <= DRIVER_SILENT_S else None
         is_landing = driver is not None and driver.manoeuvre is ManoeuvreKind.LAND
         if driver is not None and is_landing and driver.manoeuvre_state is ManoeuvreState.RUNNING:
             return []

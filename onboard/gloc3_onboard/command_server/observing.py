@@ -110,7 +110,7 @@ class Observing:
             self._handover.update(driver, snapshot.known_autopilot, now_s)
             if driver.payload.steady_s and not (snapshot.driver and snapshot.driver.steady_s):
                 self._report(Severity.WARNING, SETPOINTS_MISSED.format(driver.payload.steady_s))
-            snapshot.driver = driver.payload
+            snapshot.driver, snapshot.driver_s = driver.payload, now_s
         for fence in inbox.new(ObservingPorts.fence_state):
             snapshot.fence = fence.payload
         for setup in inbox.new(ObservingPorts.autopilot_setup):

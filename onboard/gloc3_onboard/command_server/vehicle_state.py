@@ -57,6 +57,8 @@ class VehicleState:
         self.is_autopilot_known = False
         """Whether the autopilot's state is recent enough for decisions."""
         self.driver: DriverState | None = None
+        self.driver_s = float("-inf")
+        """When it has reported last."""
         self.fence: FenceState | None = None
         self.pose: Pose | None = None
         self.setpoint: Setpoint | None = None

@@ -349,6 +349,9 @@ class AutopilotControl(Protocol):
     def behaviour(self) -> AutopilotBehaviour:
         """How the autopilot that is there now wants to be commanded."""
 
+    def state(self) -> AutopilotState:
+        """The autopilot's state, as far as it is known; `is_connected` says whether it still is."""
+
     def send_setpoint(self, setpoint: AutopilotSetpoint) -> None:
         """Streams one setpoint."""
 

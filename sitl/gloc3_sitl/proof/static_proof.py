@@ -9,8 +9,10 @@ from gloc3.component.deployment import ComponentRow, FaultPolicy, OnFault
 from gloc3.documents.document import Document
 from gloc3.errors import Finding
 from gloc3.messages.envelope import Kind
+from gloc3.messages.perception import SatelliteFix
 from gloc3.mission.model.model import Action, Mission, Task, answer
 from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
+from gloc3.mission.model.structure import PartialOrder
 from gloc3.platform.platform import Capability, Platform
 
 POSE: Final = "pose"
@@ -85,6 +87,7 @@ class _Reasoning:
 
     def __init__(self, platform: Platform, mission: Mission) -> None:
         self._platform, self._mission = platform, mission
+        self._order: Final = PartialOrder.of(mission)
         self._rows: Final = {row.name: row for row in platform.components}
         self._producers: Final[dict[str, set[str]]] = {}
         for row in platform.components:
@@ -133,17 +136,25 @@ class _Reasoning:
         if then is not FaultPolicy.IGNORE:
             found.append((resolved(Policy(then), policies.on_failure), f"on_fault of {row.name}: {then}"))
             found.append((resolved(answer(policies.on_component_fault), policies.on_failure), "on_component_fault"))
-        if row.name in self._pose:
+        if row.name in self._pose or row.name in self._aids():
             wanted = resolved(answer(policies.on_pose_lost), policies.on_failure)
             found.append((wanted, f"on_pose_lost: {policies.on_pose_lost}"))
-        capability = self._platform.capabilities.get(action.ability)
-        if capability is not None and row.name in self._closure(capability):
-            levels = (action.options.on_failure, task.options.on_failure, policies.on_failure)
-            wanted = next(level for level in levels if level is not None)
-            found.append((resolved(wanted, policies.on_failure), f"{action.name} fails: on_failure: {wanted}"))
-        elif row.name in self._other_sources():
+        found += self._failing(row.name, f"{task.name}.{action.name}")
+        if row.name in self._other_sources():
             found.append((Policy.CONTINUE, OTHER_SOURCES))
         return max(found, key=lambda one: (SEVERITY.get(one[0], 0), bool(one[1])))
+
+    def _failing(self, dead: str, target: str) -> Iterator[tuple[Policy, str]]:
+        """What follows from each action that needs a component and has not ended when another one runs."""
+        policies = self._mission.policies
+        for other, action in self._mission.actions().items():
+            capability = self._platform.capabilities.get(action.ability)
+            if other in self._order.ended[target] or capability is None or dead not in self._closure(capability):
+                continue
+            task = self._mission.tasks[other.partition(".")[0]]
+            levels = (action.options.on_failure, task.options.on_failure, policies.on_failure)
+            wanted = next(level for level in levels if level is not None)
+            yield resolved(wanted, policies.on_failure), f"{other} fails: on_failure: {wanted}"
 
     def _flown(self, policy: Policy, dead: str) -> tuple[str, list[str], str]:
         """What is flown in the end without a component: the policy, the steps to it, why there is none."""
@@ -193,6 +204,18 @@ class _Reasoning:
                 topics = row.topics(trigger)
                 if len(topics) == 1 and row.rate_hz is None:
                     found |= self._feeders(topics[0])
+        return found
+
+    def _aids(self) -> set[str]:
+        """The components without which the position is lost, though others feed it: under water no satellites do."""
+        dives = (self._platform.limits.survey_height_m or 0.0) < 0.0
+        found: set[str] = set()
+        for name in self._producers.get(POSE, ()):
+            row = self._rows[name]
+            inputs = {port: row.load_class().inputs[port] for port in row.load_class().needs_one_of}
+            ports = [port for port, given in inputs.items() if not (dives and given.message is SatelliteFix)]
+            producers = {one for port in ports for topic in row.topics(port) for one in self._producers.get(topic, ())}
+            found |= producers if len(producers) == 1 else set()
         return found
 
     def _other_sources(self) -> set[str]:

@@ -33,9 +33,25 @@ def test_every_template_is_right_as_it_is_for_every_platform_that_can_do_it(name
             with pytest.raises(Refused, match=f"{platform.platform} (needs more room to turn|turns on the spot)"):
                 mission_from(template, platform, "x.json")
             continue
+        if (template, name) == ("inspection", "boat"):
+            with pytest.raises(Refused, match="steers by its heading: it cannot face a wall"):
+                mission_from(template, platform, "x.json")
+            continue
         text = mission_from(template, platform, "x.json")
         assert [str(finding) for finding in check_text(text, template, home).findings] == []
         assert validator.is_valid(parse(text, template).value)
+
+
+def test_a_path_beside_which_the_vehicle_has_to_point_elsewhere_is_no_mission_of_one_that_steers_by_its_heading() -> (
+    None
+):
+    boat = Circumstances(platform=load_platform("boat"), home_ned_m=(0.0, 0.0, 0.0))
+    text = mission_from("inspection", load_platform("copter"), "x.json")
+    found = [str(finding) for finding in check_text(text, "wall.yaml", boat).findings]
+    message = (
+        "boat steers by its heading and cannot point elsewhere than along its path (go along it with follow_waypoints)"
+    )
+    assert any(message in one for one in found)
 
 
 def test_the_command_writes_the_mission_and_its_schema_and_leaves_alone_what_is_there(

@@ -1,17 +1,21 @@
 """Checks the options of tasks and actions: guards and loops, and `flown_by: autopilot`."""
 
 from collections.abc import Iterator
+from typing import Final
 
 from gloc3.component.deployment import ComponentRow
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, Gloc3Error
 from gloc3.mission.formats.as_it_is import FlyFileOrder
-from gloc3.mission.model.abilities import abilities
+from gloc3.mission.model.abilities import abilities, chooses_heading
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.conditions import QUANTITIES, Condition
 from gloc3.mission.model.model import FLY_PLAN, Action, ItemFile, Mission, where_of
 from gloc3.mission.model.waypoint_options import given_options, options_of
 from gloc3.platform.platform import Platform
+
+ALONG: Final = ("along", "hold")
+"""Modes of a heading that follows from the path."""
 
 
 def guard_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
@@ -71,6 +75,15 @@ def unkept_findings(mission: Mission, platform: Platform | None) -> Iterator[Fin
             if row is not None and name not in kept_options(row):
                 where = (*where_of(target), action.capability, name)
                 yield document.finding(where, f"{row.name} of {platform.platform} {option.unkept}", "leave it out")
+        if row is not None and order.heading.mode not in ALONG and not chooses_heading(row):
+            where = (*where_of(target), action.capability)
+            message = f"{platform.platform} steers by its heading and cannot point elsewhere than along its path"
+            hint = (
+                "leave heading out"
+                if "heading" in document.node(where).children
+                else "go along it with follow_waypoints"
+            )
+            yield document.finding(where, message, hint)
 
 
 def acceptance_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:

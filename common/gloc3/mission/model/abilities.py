@@ -9,6 +9,8 @@ from typing import Final
 
 import msgspec
 
+from gloc3.component.deployment import ComponentRow
+from gloc3.errors import Gloc3Error
 from gloc3.mission.model.arguments import argument_kinds
 from gloc3.mission.model.model import FLY_FILE, FLY_PLAN
 from gloc3.mission.model.patterns import ARRIVE, Depart, Pattern
@@ -57,3 +59,11 @@ def departure(platform: Platform) -> str:
 def _as(declared: Mapping[str, Capability], name: str, kind: str) -> Capability:
     row = declared[name]
     return msgspec.structs.replace(row, arguments=kind, performed_as=row.performed_as or name)
+
+
+def chooses_heading(row: ComponentRow) -> bool:
+    """Whether what a component flies may point elsewhere than along its path; so where its class is not installed."""
+    try:
+        return bool(getattr(row.load_class(), "chooses_heading", True))
+    except Gloc3Error:
+        return True

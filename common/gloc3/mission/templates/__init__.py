@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused, nearest
+from gloc3.mission.model.abilities import chooses_heading
 from gloc3.platform.platform import Platform
 
 FRAME: Final = "FRAME"
@@ -12,6 +13,7 @@ SPACING: Final = "SPACING"
 CLOSE_M: Final = 60.0
 """Spacing of lines that vehicles with a turn radius up to `CLOSE_TURN_M` can fly, by leaving lines out in turn."""
 CLOSE_TURN_M: Final = 80.0
+ALONG_WALL: Final = "inspection"
 WIDE: Final = "mapping"
 """The template with room for vehicles that cannot turn on the spot."""
 
@@ -43,6 +45,8 @@ def mission_from(template: str, platform: Platform, schema: str) -> str:
     depth_m = platform.limits.survey_height_m
     if template == "dive" and (depth_m is None or depth_m >= 0.0):
         raise Refused(f"{platform.platform} does not dive: its limits.survey_height_m is not below 0")
+    if template == ALONG_WALL and not _faces_walls(platform):
+        raise Refused(f"{platform.platform} steers by its heading: it cannot face a wall that it goes along")
     if platform.limits.turn_radius_m and template != WIDE:
         raise Refused(f"{platform.platform} needs more room to turn than {template} has: begin with {WIDE}")
     if template == WIDE and not platform.limits.turn_radius_m:
@@ -54,6 +58,12 @@ def mission_from(template: str, platform: Platform, schema: str) -> str:
         lines = [line for line in lines if CAMERA not in line]
     made = "\n".join(lines).replace(CAMERA, camera or "") + "\n"
     return f"# yaml-language-server: $schema={schema}\n{made}"
+
+
+def _faces_walls(platform: Platform) -> bool:
+    ability = platform.capabilities.get("follow_waypoints")
+    rows = (row for row in platform.components if ability is not None and row.name == ability.performed_by)
+    return all(chooses_heading(row) for row in rows)
 
 
 def _camera(platform: Platform) -> str | None:

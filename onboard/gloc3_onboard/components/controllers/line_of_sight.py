@@ -74,6 +74,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
     """
 
     loggable = ("waypoint", "cross_track_m", "crab_m", "drift_m_s", "left_m")
+    chooses_heading = False
 
     def __init__(self) -> None:
         self.waypoint = 0

@@ -24,6 +24,8 @@ class WaypointPerformer(ActionPerformer):
 
     keeps: ClassVar[frozenset[str]] = frozenset({"acceptance_m", "hold_s"})
     """Waypoint options that it supports; missions with others are refused."""
+    chooses_heading: ClassVar[bool] = True
+    """Whether the vehicle may point elsewhere than along its path; else missions that ask for it are refused."""
 
     pose = Input(Pose)
     home = Input(Home)

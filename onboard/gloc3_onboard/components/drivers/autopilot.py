@@ -224,13 +224,13 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         self._own = inbox.latest(self.autopilot_pose)
         self._watch.received(self._own, now_s)
         self._await_answers(now_s)
-        for state in inbox.new(self.autopilot):
+        for state in self._states(now_s, inbox):
             pose = self._stream.pose
             may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
             behaviour = self._control.behaviour
             self._watch.lands_into = behaviour.lands_into
             self._watch.update(
-                state.payload,
+                state,
                 now_s,
                 is_shadow=self._is_quiet,
                 may_settle=may_settle,
@@ -238,14 +238,21 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
                 is_low=self._height_m is not None and abs(self._height_m) <= LOW_M,
                 may_return=self._stream.since_s is not None and behaviour.stream_before_guided_s > 0.0,
             )
-            self._autopilot = state.payload
-        self._is_autopilot_known = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
+            self._autopilot = state
         for take_over in inbox.new(self.take_over):
             if take_over.payload.is_resumed:
                 self._watch.yield_back()
         grant = inbox.latest(self.grant)
         self._owner = grant.payload.action_id if grant is not None else ""
         self._stream.set_vehicle(inbox.latest(self.pose), self._own, is_guided=self._is_guided)
+
+    def _states(self, now_s: float, inbox: Inbox) -> list[AutopilotState]:
+        """The autopilot's new states; without its sampler, what the device itself knows."""
+        states = [state.payload for state in inbox.new(self.autopilot)]
+        is_sampled = inbox.is_fresh(self.autopilot, now_s, AUTOPILOT_SILENT_S)
+        state = None if is_sampled else self._control.state()
+        self._is_autopilot_known = is_sampled or (state is not None and state.is_connected)
+        return states if state is None or not state.is_connected else [*states, state]
 
     def _await_answers(self, now_s: float) -> None:
         """What a busy autopilot, or a process that stood still, carries out or confirms late is ours all the same."""

@@ -70,6 +70,9 @@ class DeadReckoningSettings(Settings, frozen=True):
     """Whether the height is always 0, as for vehicles on the ground; else depth is the autopilot's."""
     lost_std_m: Annotated[float, Bounds(1.0, 10_000.0)] = 50.0
     """A pose that is worse than this along an axis is not valid."""
+    blind_s: Annotated[float, Bounds(1.0, 3600.0)] = 6.0
+    """Time without any velocity over ground and without satellites after which the pose is not valid, in seconds: whoever
+    steers by a velocity that nothing measures runs away."""
     jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
     """A step by a fix that is longer than this counts as a jump."""
     unlocked_s: Annotated[float, Bounds(0.2, 60.0)] = 1.5
@@ -117,6 +120,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         memory: keeps the reckoning, once a second.
     """
 
+    needs_one_of = ("dvl", "odometry", "satellites")
     loggable = ("travelled_m", "adrift_s", "heading_error_deg", "std_m", "reset_counter", "reason")
 
     autopilot_pose = Input(AutopilotPose)
@@ -158,6 +162,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._is_begun = False
         self._lock_s: float | None = None
         self._fix_s = self._seen_s = float("-inf")
+        self._aided_s = float("inf")
+        """When there was a velocity over ground, or satellites; infinite before the first pose."""
         self._common_m = 0.0
         """What errors of fixes have in common for long: many of them are no better than one."""
         self._source = "dvl"
@@ -403,7 +409,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self.heading_error_deg = reckoner.heading_error_rad * 57.29578
         is_adrift = is_unlocked and not is_guided
         unknown_s = 0.0 if settings.is_level else max(0.0, t_s - self._depth_s)
-        self.reason = self._why_not(is_finite, unknown_s)
+        self._aided_s = t_s if has_satellites or not is_unlocked else min(self._aided_s, t_s)
+        self.reason = self._why_not(is_finite, unknown_s, t_s - self._aided_s)
         is_valid = not self.reason
         if is_valid and is_adrift:
             self.reason = f"adrift: {self._unlocked or 'no velocity over ground'}"
@@ -431,7 +438,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         ahead, right, _ = rotate(from_yaw(-yaw), given.velocity_ned_m_s)
         self._filter.use_velocity(ahead, right, yaw, std_m_s)
 
-    def _why_not(self, is_finite: bool, unknown_s: float) -> str:
+    def _why_not(self, is_finite: bool, unknown_s: float, blind_s: float) -> str:
         if not is_finite:
             return "the autopilot's estimate is not finite"
         if self._origin_geo is None:
@@ -440,6 +447,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             return "the start position is not known: no fixes yet"
         if unknown_s > DEPTH_LOST_S:
             return "the autopilot has no position, and reports no depth"
+        if blind_s > self.settings.blind_s:
+            return f"adrift: {self._unlocked or 'no velocity over ground'} for {blind_s:.0f} s"
         if self.std_m > self.settings.lost_std_m:
             return f"lost: its standard deviation is {self.std_m:.0f} m"
         return ""

@@ -57,7 +57,7 @@ def test_a_busy_autopilot_that_carries_a_command_out_late_is_no_pilot(style: str
     rig.autopilot.delay_s = 7.0
     rig.request(ManoeuvreKind.LAND)
     rig.run(8.0)
-    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert rig.autopilot.reported.mode is FlightMode.LAND
     assert not rig.state.has_pilot_control, rig.state.pilot_reason
 
 
@@ -68,7 +68,7 @@ def test_an_answer_that_waited_while_our_process_stood_still_is_still_ours(style
     rig.request(ManoeuvreKind.LAND)
     rig.stage.step(7.0)
     rig.run(1.0)
-    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert rig.autopilot.reported.mode is FlightMode.LAND
     assert not rig.state.has_pilot_control, rig.state.pilot_reason
 
 
@@ -76,7 +76,7 @@ def test_an_answer_that_waited_while_our_process_stood_still_is_still_ours(style
 def test_a_disarm_by_the_pilot_stops_everything_too(style: str) -> None:
     rig = DriverRig(style).in_flight()
     silence(rig)
-    rig.autopilot.state = replace(rig.autopilot.state, is_armed=False)
+    rig.autopilot.reported = replace(rig.autopilot.reported, is_armed=False)
     rig.see()
     rig.request(ManoeuvreKind.TAKE_OFF, height_m=2.0, may_arm=True)
     rig.run(3.0)
@@ -168,7 +168,7 @@ def test_a_stop_in_flight_is_refused_until_the_autopilot_confirms_a_mode_of_its_
     with pytest.raises(Refused, match="hold has been commanded, ask again"):
         rig.driver.stop()
     rig.run(1.0)
-    assert rig.autopilot.state.mode is FlightMode.HOLD
+    assert rig.autopilot.reported.mode is FlightMode.HOLD
     rig.driver.make_safe()
     rig.driver.stop()
 
@@ -180,7 +180,7 @@ def test_a_refused_stop_that_is_not_repeated_is_forgotten(style: str) -> None:
     with pytest.raises(Refused):
         rig.driver.stop()
     rig.run(5.0)
-    assert rig.autopilot.state.mode is FlightMode.HOLD
+    assert rig.autopilot.reported.mode is FlightMode.HOLD
     rig.run(8.0)
     assert rig.state.is_guided
 

@@ -50,7 +50,7 @@ def test_the_owners_setpoints_end_a_climb(style: str) -> None:
     rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(1.0)
     rig.at = (0.0, 0.0, 1.2)
-    rig.autopilot.state = replace(rig.autopilot.state, landed=LandedState.IN_AIR)
+    rig.autopilot.reported = replace(rig.autopilot.reported, landed=LandedState.IN_AIR)
     rig.run(0.5)
     assert rig.state.manoeuvre_state == "running"
     rig.hold()
@@ -74,7 +74,7 @@ def test_who_may_not_arm_does_not(style: str) -> None:
 def test_a_vehicle_that_is_armed_already_is_not_armed_again(style: str) -> None:
     rig = DriverRig(style)
     rig.step()
-    rig.autopilot.state = replace(rig.autopilot.state, is_armed=True)
+    rig.autopilot.reported = replace(rig.autopilot.reported, is_armed=True)
     rig.see()
     rig.driver._watch.yield_back()
     rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
@@ -100,7 +100,7 @@ def test_what_it_has_armed_for_nothing_it_disarms_and_that_is_no_pilot(style: st
     rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     rig.run(1.5)
     assert requested(rig)[-1] == "disarm"
-    assert not rig.autopilot.state.is_armed
+    assert not rig.autopilot.reported.is_armed
     assert rig.state.manoeuvre_reason == "no position"
     assert not rig.state.has_pilot_control
 
@@ -112,7 +112,7 @@ def test_a_take_off_that_fails_in_the_air_disarms_nothing(style: str) -> None:
     rig.request(TAKE_OFF, height_m=1.5, may_arm=True)
     while requested(rig)[-1] != "take off to 1.5":
         rig.step()
-    rig.autopilot.fly(rig.autopilot.state.mode)
+    rig.autopilot.fly(rig.autopilot.reported.mode)
     rig.see()
     rig.run(1.0)
     assert requested(rig)[-1] == "take off to 1.5"
@@ -144,7 +144,7 @@ def test_a_landing_is_over_when_the_vehicle_is_disarmed_and_that_is_no_pilot(sty
     rig.wants = lambda: None
     rig.request(LAND)
     rig.run(1.0)
-    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert rig.autopilot.reported.mode is FlightMode.LAND
     assert (rig.state.manoeuvre_state, rig.state.is_streaming) == ("running", False)
     rig.autopilot.touch_down()
     rig.run(0.5)
@@ -159,7 +159,7 @@ def test_setpoints_that_are_still_on_their_way_do_not_break_off_a_landing(style:
     rig = DriverRig(style).in_flight()
     rig.request(LAND)
     rig.run(1.0)
-    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert rig.autopilot.reported.mode is FlightMode.LAND
     assert rig.state.manoeuvre_state == "running"
 
 
@@ -188,7 +188,7 @@ def test_the_same_landing_can_be_asked_for_again(style: str) -> None:
     rig.autopilot.refuses.clear()
     rig.request(LAND)
     rig.run(1.0)
-    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert rig.autopilot.reported.mode is FlightMode.LAND
     assert rig.state.manoeuvre_state == "running"
 
 
@@ -198,7 +198,7 @@ def test_hold_as_a_manoeuvre(style: str) -> None:
     rig.wants = lambda: None
     rig.request(HOLD)
     rig.run(0.5)
-    assert (rig.autopilot.state.mode, rig.state.manoeuvre_state) == (FlightMode.HOLD, "done")
+    assert (rig.autopilot.reported.mode, rig.state.manoeuvre_state) == (FlightMode.HOLD, "done")
 
 
 def test_only_the_owner_is_obeyed() -> None:
@@ -215,7 +215,7 @@ def test_only_the_owner_is_obeyed() -> None:
 
 def test_a_manoeuvre_waits_until_the_autopilot_is_heard() -> None:
     rig = DriverRig()
-    silent = replace(rig.autopilot.state, is_connected=False)
+    silent = replace(rig.autopilot.reported, is_connected=False)
     for _ in range(10):
         rig.step(autopilot=silent)
     assert requested(rig) == []
@@ -237,19 +237,32 @@ def test_until_the_autopilot_has_taken_over_it_is_told_to_stand_still(style: str
     assert {speed for t_s, _, speed in braking if t_s > requested_s + 0.5} == {(0.0, 0.0, 0.0)}
     assert braking[-1][0] == pytest.approx(requested_s + 2.0, abs=0.1)
     assert max(b[0] - a[0] for a, b in pairwise(braking)) < 0.1
-    assert rig.autopilot.state.mode is FlightMode.LAND
+    assert rig.autopilot.reported.mode is FlightMode.LAND
     assert not rig.state.has_pilot_control
 
 
-# --- the autopilot's state falls silent: its sampler has died ---
+# --- the autopilot's state falls silent: its sampler has died, or its link, too ---
 
 
-def silence(rig: DriverRig, seconds: float) -> None:
-    """Lets time pass in which the driver hears nothing of the autopilot's state."""
+def silence(rig: DriverRig, seconds: float, *, is_heard: bool = False) -> None:
+    """Lets time pass in which nobody samples the autopilot's state, and the link may be silent, too."""
+    rig.autopilot.is_heard = is_heard
     for _ in range(round(seconds / 0.05)):
         rig.autopilot.tick(rig.now_s)
         message = rig.wants()
         rig.stage.step(0.05, pose=pose(), autopilot_pose=autopilot_pose(), **({"setpoint": message} if message else {}))
+
+
+def test_without_its_sampler_the_autopilots_state_is_read_from_the_device() -> None:
+    rig = DriverRig().in_flight()
+    rig.wants = lambda: None
+    silence(rig, 3.0, is_heard=True)
+    rig.stage.put(manoeuvre=Manoeuvre(action_id="go", kind=LAND))
+    silence(rig, 5.0, is_heard=True)
+    assert rig.state.manoeuvre_state == "running"
+    rig.autopilot.enter(FlightMode.MANUAL)
+    silence(rig, 1.0, is_heard=True)
+    assert rig.state.has_pilot_control
 
 
 def test_without_the_autopilots_state_a_landing_is_asked_for_once_and_its_answer_believed() -> None:
@@ -306,12 +319,12 @@ def test_what_stays_armed_on_the_ground_after_a_landing_is_asked_to_disarm_again
     rig.request(LAND)
     rig.run(40.0)
     assert "disarm" not in requested(rig), "in the air"
-    rig.autopilot.state = replace(rig.autopilot.state, landed=LandedState.ON_GROUND)
+    rig.autopilot.reported = replace(rig.autopilot.reported, landed=LandedState.ON_GROUND)
     rig.run(24.0)
     assert "disarm" not in requested(rig), "the autopilot does it"
     rig.run(2.0)
     assert requested(rig).count("disarm") == 1
-    assert rig.autopilot.state.is_armed
+    assert rig.autopilot.reported.is_armed
     rig.autopilot.refuses.clear()
     rig.run(25.0)
     assert requested(rig).count("disarm") == 2
@@ -324,11 +337,11 @@ def test_a_plane_that_does_not_fly_is_disarmed_although_it_refuses_its_landing()
     rig = DriverRig(autopilot=ScriptedAutopilot("ardupilot", VehicleClass.PLANE))
     rig.step()
     rig.autopilot.refuses["mode land"] = "it does not fly"
-    rig.autopilot.state = replace(rig.autopilot.state, is_armed=True, landed=LandedState.ON_GROUND)
+    rig.autopilot.reported = replace(rig.autopilot.reported, is_armed=True, landed=LandedState.ON_GROUND)
     rig.see()
     rig.driver._watch.yield_back()
     for _ in range(14):  # as the landing controller repeats itself
         rig.request(LAND)
         rig.run(2.0)
     assert requested(rig).count("disarm") == 1
-    assert not rig.autopilot.state.is_armed
+    assert not rig.autopilot.reported.is_armed

@@ -44,7 +44,7 @@ def test_on_the_ground_px4_is_taken_out_of_modes_in_which_it_cannot_be_armed(
 ) -> None:
     rig = DriverRig(style)
     rig.step()
-    rig.autopilot.state = replace(rig.autopilot.state, mode=mode)
+    rig.autopilot.reported = replace(rig.autopilot.reported, mode=mode)
     rig.see()
     rig.run(0.5)
     assert rig.autopilot.modes_asked == asked
@@ -129,7 +129,7 @@ def test_a_stream_that_runs_dry_stops_after_half_a_second_and_hold_is_asked_unti
     assert rig.autopilot.modes_asked[requested - 1 :] == ["hold"] * 3
     rig.autopilot.is_deaf = False
     rig.run(3.0)
-    assert rig.autopilot.state.mode is FlightMode.HOLD
+    assert rig.autopilot.reported.mode is FlightMode.HOLD
     assert rig.autopilot.modes_asked[requested - 1 :] == ["hold"] * 4
     assert not rig.state.has_pilot_control
 
@@ -151,7 +151,7 @@ def test_a_guided_mode_that_comes_after_the_stream_has_ended_is_left_again(style
     rig.run(1.1)
     rig.wants = lambda: None
     rig.run(3.0)
-    assert rig.autopilot.state.mode is FlightMode.HOLD
+    assert rig.autopilot.reported.mode is FlightMode.HOLD
     assert rig.autopilot.modes_asked[-1] == "hold"
     assert not rig.state.has_pilot_control
 
@@ -160,7 +160,7 @@ def test_a_guided_mode_that_comes_after_the_stream_has_ended_is_left_again(style
 @pytest.mark.parametrize("landed", [LandedState.ON_GROUND, LandedState.UNKNOWN])
 def test_on_the_ground_nothing_is_streamed(style: str, landed: LandedState) -> None:
     rig = airborne(style)
-    rig.autopilot.state = replace(rig.autopilot.state, landed=landed)
+    rig.autopilot.reported = replace(rig.autopilot.reported, landed=landed)
     rig.see()
     rig.hold()
     rig.run(2.0)
@@ -173,13 +173,13 @@ def without_limits(rig: DriverRig) -> None:
 
 
 def disarmed(rig: DriverRig) -> None:
-    rig.autopilot.state = replace(rig.autopilot.state, is_armed=False)
+    rig.autopilot.reported = replace(rig.autopilot.reported, is_armed=False)
     rig.driver._watch.command_disarm(rig.now_s)
     rig.see()
 
 
 def silent(rig: DriverRig) -> None:
-    rig.autopilot.state = AutopilotState(is_connected=False, is_armed=True, landed=LandedState.IN_AIR)
+    rig.autopilot.reported = AutopilotState(is_connected=False, is_armed=True, landed=LandedState.IN_AIR)
     rig.see()
 
 
@@ -234,7 +234,7 @@ def stalled(rig: DriverRig, times: int) -> list[float]:
         rig.run(0.7)
         rig.wants = wants
         begin_s = rig.now_s
-        while not (rig.state.is_guided and rig.autopilot.state.mode is FlightMode.GUIDED):
+        while not (rig.state.is_guided and rig.autopilot.reported.mode is FlightMode.GUIDED):
             rig.step()
             assert rig.now_s < begin_s + 20.0
         waited_s.append(rig.now_s - begin_s)
@@ -260,7 +260,7 @@ def test_gaps_while_it_holds_do_not_prolong_the_hold(style: str) -> None:
     rig.wants = lambda: None
     rig.run(0.7)
     begin_s, expired = rig.now_s, rig.state.expired
-    while not (rig.state.is_guided and rig.autopilot.state.mode is FlightMode.GUIDED):
+    while not (rig.state.is_guided and rig.autopilot.reported.mode is FlightMode.GUIDED):
         is_away = (rig.now_s - begin_s) % 3.0 > 2.2
         rig.wants = (lambda: None) if is_away else wants
         rig.step()
@@ -278,7 +278,7 @@ def test_only_a_failsafe_hold_that_follows_from_a_gap_of_ours_is_no_pilots_choic
     if has_stalled:
         rig.stage.now_s += 1.3
     rig.autopilot.fly(FlightMode.HOLD)
-    rig.autopilot.state = replace(rig.autopilot.state, is_failsafe=is_failsafe)
+    rig.autopilot.reported = replace(rig.autopilot.reported, is_failsafe=is_failsafe)
     rig.see()
     rig.run(3.5)
     is_ours = has_stalled and is_failsafe
@@ -353,7 +353,7 @@ def test_a_refused_landing_ends_in_a_hold_not_in_silence(style: str) -> None:
     rig.request(ManoeuvreKind.LAND)
     rig.run(1.0)
     assert (rig.state.manoeuvre_state, rig.state.manoeuvre_reason) == ("failed", "not now")
-    assert rig.autopilot.state.mode is FlightMode.HOLD
+    assert rig.autopilot.reported.mode is FlightMode.HOLD
 
 
 def test_the_state_is_reported_on_change_and_five_times_a_second() -> None:

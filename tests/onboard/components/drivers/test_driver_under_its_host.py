@@ -54,7 +54,7 @@ def test_a_stop_in_flight_is_refused_until_hold_is_confirmed() -> None:
         assert "ask again when it is confirmed" in reply.reason
         assert bench.state("driver") is State.WORKING
         flight.run(0.5)
-        assert flight.autopilot.state.mode is FlightMode.HOLD
+        assert flight.autopilot.reported.mode is FlightMode.HOLD
         assert bench.command("driver", "stop").is_accepted
 
 

@@ -23,7 +23,7 @@ def running(vehicle: VehicleClass) -> DriverRig:
     rig.step()
     rig.request(SET_OFF, may_arm=True)
     rig.run(1.0)
-    rig.autopilot.state = replace(rig.autopilot.state, landed=LandedState.IN_AIR)
+    rig.autopilot.reported = replace(rig.autopilot.reported, landed=LandedState.IN_AIR)
     rig.hold()
     rig.run(1.0)
     assert rig.state.is_guided
@@ -92,7 +92,7 @@ def test_a_submarine_that_has_surfaced_goes_over_to_alt_hold_by_itself_and_is_di
     rig.run(2.0)
     assert rig.autopilot.modes_asked[-1] == "land"
     assert "disarm" not in rig.autopilot.commands, "it has only begun to rise"
-    rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
+    rig.autopilot.reported = replace(rig.autopilot.reported, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
     rig.run(1.0)
     assert rig.autopilot.commands[-1] == "disarm"
     assert rig.state.manoeuvre_state == "done"
@@ -101,7 +101,7 @@ def test_a_submarine_that_has_surfaced_goes_over_to_alt_hold_by_itself_and_is_di
 
 def test_a_submarine_whose_pilot_takes_alt_hold_under_way_is_left_to_him() -> None:
     rig = running(VehicleClass.SUB)
-    rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
+    rig.autopilot.reported = replace(rig.autopilot.reported, mode=FlightMode.MANUAL, mode_name="ALT_HOLD")
     rig.see()
     assert rig.state.has_pilot_control
 
@@ -166,7 +166,7 @@ def test_a_plan_s_mode_is_asked_for_although_the_last_heartbeat_shows_it_still()
 
 def test_a_px4_plane_on_the_ground_is_put_into_the_mission_mode_before_it_is_armed_for_its_plan() -> None:
     rig = DriverRig(autopilot=ScriptedAutopilot("px4", VehicleClass.PLANE))
-    rig.autopilot.state = replace(rig.autopilot.state, mode=FlightMode.HOLD)
+    rig.autopilot.reported = replace(rig.autopilot.reported, mode=FlightMode.HOLD)
     rig.step()
     rig.request(ManoeuvreKind.PLAN, may_arm=True)
     rig.run(2.0)

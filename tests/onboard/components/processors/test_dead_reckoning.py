@@ -171,7 +171,7 @@ def test_it_has_no_place_before_the_first_fixes_and_dives_on_from_them() -> None
 
 def test_it_says_that_it_is_adrift_and_at_last_that_it_is_lost() -> None:
     with Bench() as bench:
-        sea = Sea(bench, lost_std_m=15.0)
+        sea = Sea(bench, lost_std_m=15.0, blind_s=600.0)
         sea.run(8.0, at=(0.0, 0.0))
         adrift = sea.run(5.0, lock=False)
         assert adrift.is_valid
@@ -180,6 +180,16 @@ def test_it_says_that_it_is_adrift_and_at_last_that_it_is_lost() -> None:
         lost = sea.run(60.0, lock=False)
         assert not lost.is_valid
         assert lost.reason.startswith("lost: its standard deviation is")
+
+
+def test_it_is_lost_after_a_while_without_any_velocity_and_satellites_and_back_with_them() -> None:
+    with Bench() as bench:
+        sea = Sea(bench)
+        sea.run(8.0, at=(0.0, 0.0))
+        assert sea.run(7.0, lock=False).is_valid, "1.5 s of which count as locked"
+        lost = sea.run(1.0, lock=False)
+        assert (lost.is_valid, lost.reason) == (False, "adrift: no bottom lock for 7 s")
+        assert sea.run(3.0, at=(0.0, 0.0), lock=False).is_valid
 
 
 def test_adrift_it_believes_that_it_does_what_it_is_asked_to() -> None:

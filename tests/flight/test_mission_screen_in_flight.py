@@ -149,7 +149,7 @@ async def open_and_mend(here: Operator, file: Path) -> None:
     editor.load_text(editor.text.replace("slow", "0.5"))
     await here.see("findings", "no findings")
     await here.press("ctrl+s", "escape")
-    await here.see("position", "u streams it")
+    await here.see("position", "u uploads it")
     assert "0.5}, after" in file.read_text()
 
 

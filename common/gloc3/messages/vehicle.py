@@ -198,6 +198,8 @@ class Image(Message, frozen=True):
     """Rows of 8-bit grey values, `height * width` bytes."""
     is_valid: bool = True
     reason: str = ""
+    bgr: bytes = b""
+    """For people: rows of 8-bit blue, green and red values, `3 * height * width` bytes; empty for a grey picture."""
 
 
 class ImageRecorded(Message, frozen=True):

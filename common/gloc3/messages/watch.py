@@ -86,7 +86,7 @@ class Preview(Message, frozen=True):
     full_width: int
     full_height: int
     data: bytes
-    """8-bit grey values, compressed (WebP); empty where there is no picture."""
+    """8-bit grey values, or colours where the camera has them, compressed (WebP); empty where there is no picture."""
     is_valid: bool = True
     reason: str = ""
 

@@ -96,7 +96,7 @@ class MissionDesk:
         return True
 
     def edit(self, text: str) -> None:
-        """Another text; until it is checked it cannot be streamed."""
+        """Another text; until it is checked it cannot be uploaded."""
         if self.draft is not None and self.draft.text != text:
             self.draft = drafts.edited(self.draft, text)
             self._plan = None

@@ -29,7 +29,7 @@ OTHER_FILE: Final = "the platform file of {0} differs from {1}: only {0} itself 
 
 
 class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """A mission that was read and checked, ready to be streamed."""
+    """A mission that was read and checked, ready to be uploaded."""
 
     name: str
     """The file's name."""
@@ -41,7 +41,7 @@ class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     converted_from: str = ""
     """The other program's file that it was made of; empty for a mission file."""
     platforms: tuple[str, ...] = ()
-    """Those that its tasks name, where it is for several; it is streamed to all of them."""
+    """Those that its tasks name, where it is for several; it is uploaded to all of them."""
     written_for: str = ""
     """The platform that its header stands for; empty without one."""
     warnings: tuple[str, ...] = ()

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-SIZES: Final = ((64, 48), (96, 72), (128, 96), (192, 144), (256, 192), (320, 240))
+SIZES: Final = ((64, 48), (96, 72), (128, 96), (192, 144), (256, 192), (320, 240), (480, 360), (640, 480))
 """Columns and half lines that are tried, one after the other."""
 RATE_HZ: Final = 1.0
 SOON_S: Final = 1.6

@@ -1,12 +1,12 @@
 """The map page's data and commands, over one websocket for each page."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from secrets import token_urlsafe
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from gloc3.clock import passed
-from gloc3.errors import Gloc3Error, Refused
+from gloc3.errors import Refused
 from gloc3_groundstation.desk import go_here
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.go_here import GoToRequest
@@ -18,6 +18,7 @@ from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.web import map_commands
 from gloc3_groundstation.web.glass import Glass, parts_of
 from gloc3_groundstation.web.map_data import MapPlan, TrailFeed, picture_of, plan_of
+from gloc3_groundstation.web.page_commands import PageCommands
 from gloc3_groundstation.web.tiles import TileInfo
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class MapView:
         self._desk, self._tracks, self._in_view = source.desk, source.tracks, in_view
         self._station, self._tiles = station, tiles
         self._texts = MissionTexts(source.desk.station)
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._commands = PageCommands(self._desk)
 
     async def serve(self, socket: "web.WebSocketResponse", who: str, *, may_command: bool) -> None:
         """One browser's map, from its opening to its end."""
@@ -91,10 +92,10 @@ class MapView:
             case "select", str(name):
                 page.selected = name
                 self.show(page)
-            case (("go_to" | "confirm" | "hold"), *_) if not glass.may_command:
+            case (("go_to" | "confirm"), *_) if not glass.may_command:
                 glass.notify("read_only")
-            case "hold", str(name), beat_ms if glass.is_current(beat_ms):
-                self._carry_out(page, map_commands.hold(self._desk, name))
+            case "hold", str(name), beat_ms:
+                self._commands.hold(glass, name, beat_ms)
             case "go_to", str(name), str(key), float() | int() as north, float() | int() as east, beat_ms if (
                 glass.is_current(beat_ms)
             ):
@@ -104,7 +105,7 @@ class MapView:
                 if asked is None or asked[0] != name or now_s - asked[2] > CONFIRMED_S:
                     glass.notify("result", False, "the question is not open any more: choose the place again")
                 else:
-                    self._carry_out(page, go_here.go_to(self._desk, asked[1], float(height)))
+                    self._commands.carry_out(glass, go_here.go_to(self._desk, asked[1], float(height)))
 
     def show(self, page: MapPage) -> None:
         """Sends what has changed; to a page that takes nothing, nothing."""
@@ -131,7 +132,7 @@ class MapView:
     def _requested(self, platform: PlatformSnapshot | None, now_s: float) -> tuple[Requested | None, bool]:
         text, is_loaded = self._texts.text_of(platform, self._desk.plan)
         if platform is not None and self._texts.missing(platform, now_s):
-            self._start(self._texts.fetch(platform))
+            self._commands.start(self._texts.fetch(platform))
         site = platform.site.value if platform is not None and platform.site is not None else None
         return (requested(text, site) if text else None), is_loaded
 
@@ -155,17 +156,3 @@ class MapView:
                 "height_name": request.height_name,
             },
         )
-
-    def _carry_out(self, page: MapPage, work: Coroutine[Any, Any, str]) -> None:
-        async def run() -> None:
-            try:
-                page.glass.notify("result", True, await work)
-            except Gloc3Error as error:
-                page.glass.notify("result", False, str(error))
-
-        self._start(run())
-
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)

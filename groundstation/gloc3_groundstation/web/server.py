@@ -23,6 +23,7 @@ from gloc3_groundstation.web.access import Access, WebRight, new_token
 from gloc3_groundstation.web.certificate import load_pair
 from gloc3_groundstation.web.glass import HEARTBEAT_S
 from gloc3_groundstation.web.map_view import MapSource, MapView
+from gloc3_groundstation.web.pictures_view import PicturesView
 from gloc3_groundstation.web.terminal_view import Notify, TerminalView, TerminalWindow
 from gloc3_groundstation.web.tiles import TileSource, is_tile
 
@@ -114,9 +115,11 @@ class WebServer:
         station = secrets.token_urlsafe(6)
         self._terminal = TerminalView(window, reported, station)
         self._map_view: MapView | None = None
+        self._pictures_view: PicturesView | None = None
         if map_source is not None:
             info = None if options.tiles is None else options.tiles.info
             self._map_view = MapView(map_source, lambda: getattr(window(), "vehicle", ""), station, info)
+            self._pictures_view = PicturesView(map_source.desk, lambda: getattr(window(), "vehicle", ""), station)
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[WebAddresses]:
@@ -142,6 +145,8 @@ class WebServer:
         app.router.add_get("/ws", self._serve_terminal)
         app.router.add_get("/map", self._map)
         app.router.add_get("/map/ws", self._serve_map)
+        app.router.add_get("/pictures", self._pictures)
+        app.router.add_get("/pictures/ws", self._serve_pictures)
         app.router.add_get(r"/tiles/{zoom:\d{1,2}}/{column:\d{1,8}}/{row:\d{1,8}}", self._tile)
         app.router.add_static("/page", Path(str(PAGES)))
         app.router.add_static("/static", Path(str(textual_serve.__file__)).parent / "static")
@@ -232,6 +237,9 @@ class WebServer:
     async def _map(self, request: "web.Request") -> "web.Response":
         return _page("map.html", {})
 
+    async def _pictures(self, request: "web.Request") -> "web.Response":
+        return _page("pictures.html", {})
+
     async def _tile(self, request: "web.Request") -> "web.Response":
         """A tile of the map."""
         from aiohttp import web
@@ -255,15 +263,19 @@ class WebServer:
 
     async def _serve_map(self, request: "web.Request") -> "web.WebSocketResponse":
         """One browser's map, from its opening to its end."""
-        from aiohttp import web
-
-        if self._map_view is None:
-            raise web.HTTPNotFound(text="There is no map.\n")
         return await self._serve(request, self._map_view)
 
-    async def _serve(self, request: "web.Request", view: TerminalView | MapView) -> "web.WebSocketResponse":
+    async def _serve_pictures(self, request: "web.Request") -> "web.WebSocketResponse":
+        """One browser's pictures, from the opening of its page to its end."""
+        return await self._serve(request, self._pictures_view)
+
+    async def _serve(
+        self, request: "web.Request", view: TerminalView | MapView | PicturesView | None
+    ) -> "web.WebSocketResponse":
         from aiohttp import web
 
+        if view is None:
+            raise web.HTTPNotFound(text="There is no such page.\n")
         socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=1_000_000)
         await socket.prepare(request)
         self._sockets.add(socket)

@@ -10,6 +10,7 @@ from gloc3.camera.opencv import load_opencv
 from gloc3.log.report.recording import CAMERAS, POSES
 from gloc3_onboard.components.drivers.image_recorder import RecordedPicture
 from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.pictures import pixels_for_people
 
 
 class PictureFolder:
@@ -31,13 +32,10 @@ class PictureFolder:
 
     def write(self, picture: RecordedPicture) -> None:
         """Writes a picture with its pose; raises `OSError` where that fails."""
-        import numpy as np
-
         cv2 = load_opencv()
         self._folder.mkdir(parents=True, exist_ok=True)
         image = picture.image
-        pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
-        is_fine, encoded = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        is_fine, encoded = cv2.imencode(".png", pixels_for_people(image), [cv2.IMWRITE_PNG_COMPRESSION, 1])
         if not is_fine:
             raise OSError(f"{picture.file} cannot be encoded")
         half = self._folder / (picture.file + ".part")

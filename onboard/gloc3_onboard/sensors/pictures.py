@@ -1,13 +1,27 @@
 """Pictures of a folder: their size, and the pictures as grey frames."""
 
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gloc3.camera.opencv import load_opencv
 from gloc3.messages.vehicle import Image
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 PATTERNS: Final = ("image_*/*.png", "image_*/data/*.png", "*.png")
+
+
+def pixels_for_people(image: Image) -> "NDArray[np.uint8]":
+    """The pixels of a picture that is whole: rows, columns and blue, green and red where it has colours, else grey."""
+    import numpy as np
+
+    shape = (image.height, image.width)
+    if len(image.bgr) == 3 * image.height * image.width:
+        return np.frombuffer(image.bgr, np.uint8).reshape(*shape, 3)
+    return np.frombuffer(image.data, np.uint8).reshape(shape)
 
 
 def load_picture(path: Path, camera: str) -> Image:

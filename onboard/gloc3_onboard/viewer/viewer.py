@@ -14,6 +14,7 @@ from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.vehicle import Image
 from gloc3.messages.watch import LEASE_S, Preview, Sample, TopicActivity, TopicEntry, Want, pack
 from gloc3_onboard.sensors.devices import Tap, Taps
+from gloc3_onboard.sensors.pictures import pixels_for_people
 from gloc3_onboard.viewer.catalogue import Catalogue
 from gloc3_onboard.viewer.leases import Demand, Leases
 
@@ -191,15 +192,13 @@ Shrink = Callable[[Image, int, int, int], Preview]
 @cache
 def load_shrinker() -> Shrink:
     """The function that makes previews; the first call loads OpenCV, which is slow."""
-    import numpy as np
-
     cv2 = load_opencv()
 
     def shrink(image: Image, width: int, height: int, quality: int) -> Preview:
         size = fit((image.width, image.height), (width, height))
         data = b""
         if image.is_valid and image.width > 0 and len(image.data) == image.width * image.height:
-            pixels: Any = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
+            pixels: Any = pixels_for_people(image)
             if size != (image.width, image.height):
                 pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
             is_done, packed = cv2.imencode(ENCODING, pixels, [cv2.IMWRITE_WEBP_QUALITY, quality])

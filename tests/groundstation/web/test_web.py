@@ -98,6 +98,7 @@ class Served(NamedTuple):
     platform: ScriptedPlatform
     reported: list[str]
     ended: asyncio.Task[Any]
+    exchange: LocalExchange
 
     @asynccontextmanager
     async def page(
@@ -134,7 +135,7 @@ async def served(options: WebOptions = WebOptions(port=0)) -> AsyncIterator[Serv
         ended = asyncio.create_task(app.run_async())
         platform.speak()
         try:
-            yield Served(url, addresses, warned, app, platform, reported, ended)
+            yield Served(url, addresses, warned, app, platform, reported, ended, exchange)
         finally:
             app.exit()
             await ended

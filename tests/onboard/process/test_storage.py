@@ -22,8 +22,14 @@ def test_pictures_are_real_files_with_their_poses_beside_them(tmp_path: Path) ->
     pixels = cv2.imread(str(tmp_path / "images" / "ground-00001.png"), cv2.IMREAD_GRAYSCALE)
     assert pixels is not None
     assert pixels.tobytes() == bytes(range(8))
+    colours = bytes(range(24))
+    image = Image(camera="front", width=4, height=2, data=bytes(8), bgr=colours)
+    folder.write(RecordedPicture("front-00001.png", 1.5, image, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
+    pixels = cv2.imread(str(tmp_path / "images" / "front-00001.png"), cv2.IMREAD_COLOR)
+    assert pixels is not None
+    assert pixels.tobytes() == colours
     tags = [json.loads(line) for line in (tmp_path / "images" / "poses.jsonl").read_text().splitlines()]
-    assert [tag["file"] for tag in tags] == ["ground-00001.png", "ground-00002.png"]
+    assert [tag["file"] for tag in tags] == ["ground-00001.png", "ground-00002.png", "front-00001.png"]
     assert tags[0]["position_ned_m"] == [1.0, 2.0, -3.0]
     assert not list((tmp_path / "images").glob("*.part"))
 

@@ -15,6 +15,7 @@ from gloc3.errors import Gloc3Error
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors import threaded
 from gloc3_onboard.sensors.devices import StampedImage
+from gloc3_onboard.sensors.pictures import pixels_for_people
 from gloc3_onboard.sensors.registry import parse_source
 from gloc3_onboard.sensors.source_url import device_problem
 from gloc3_onboard.sensors.sources.camera import VideoCamera
@@ -90,6 +91,18 @@ def test_pictures_in_a_folder_are_played_at_the_rate_that_is_asked_for(tmp_path:
         until(lambda: len(frames) == 4)
     assert [frame.image.data[0] for frame in frames] == list(COLOURS)
     assert np.diff([frame.t_s for frame in frames]) == pytest.approx(0.01, abs=1e-6)
+
+
+@pytest.mark.sockets
+def test_a_picture_keeps_its_colours_beside_the_grey_values(tmp_path: Path) -> None:
+    orange = np.full((48, 64, 3), (20, 120, 240), np.uint8)
+    cv2.imwrite(str(tmp_path / "000.png"), orange)
+    with collected(camera(tmp_path, "video://%03d.png?rate_hz=100")) as frames:
+        until(lambda: len(frames) == 1)
+    image = frames[0].image
+    assert image.bgr == orange.tobytes()
+    assert image.data == cv2.cvtColor(orange, cv2.COLOR_BGR2GRAY).tobytes()
+    np.testing.assert_array_equal(pixels_for_people(image), orange)
 
 
 @pytest.mark.sockets

@@ -50,7 +50,7 @@ FILE_HZ: Final = 15.0
 class VideoCamera(ThreadedSource[StampedImage]):
     """A camera that VideoCapture can open.
 
-    Frames are converted to grey. Their time is the driver's if on the monotonic clock (V4L2), else that of arrival less
+    Frames are converted to grey, and keep their colours for people. Their time is the driver's if on the monotonic clock (V4L2), else that of arrival less
     `delay_s`. A file plays at its own pace from its opening on.
 
     Args:
@@ -128,9 +128,7 @@ class VideoCamera(ThreadedSource[StampedImage]):
             count += 1
             if is_file:
                 pause.wait(max(0.0, t_s - self.now_s()))
-            grey = _grey(cv2, pixels)
-            height, width = grey.shape
-            yield StampedImage(t_s, Image(camera=self.name, width=width, height=height, data=grey.tobytes()))
+            yield StampedImage(t_s, _image(cv2, pixels, self.name))
         while is_file:  # it has ended; the camera falls silent, and is not lost
             pause.wait(0.1)
             yield None
@@ -170,13 +168,17 @@ def _set_up(cv2: Any, capture: Any, options: Mapping[str, str], name: str) -> No
         capture.set(cv2.CAP_PROP_GAIN, float(options["gain"]))
 
 
-def _grey(cv2: Any, pixels: Any) -> Any:
-    """One channel of 8 bits."""
+def _image(cv2: Any, pixels: Any, name: str) -> Image:
+    """A picture in 8-bit grey for processors, with the colours beside it where there are any."""
     if pixels.dtype != "uint8":
         pixels = (pixels >> 8).astype("uint8")
-    if pixels.ndim == 2:
-        return pixels
-    return pixels[:, :, 0] if pixels.shape[2] == 1 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+    if pixels.ndim == 3 and pixels.shape[2] == 1:
+        pixels = pixels[:, :, 0]
+    is_grey = pixels.ndim == 2
+    grey = pixels if is_grey else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+    height, width = grey.shape
+    bgr = b"" if is_grey else pixels.tobytes()
+    return Image(camera=name, width=width, height=height, data=grey.tobytes(), bgr=bgr)
 
 
 class ReplayCamera(Replay[Image]):

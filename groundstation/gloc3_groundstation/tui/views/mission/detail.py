@@ -66,7 +66,7 @@ def position_line(
     if draft.errors:
         parts.append((1, Span(f"{draft.errors} error{'s' if draft.errors > 1 else ''}: e shows them", Tone.BAD)))
     elif draft.outline is not None and platform is not None:
-        parts.append((2, Span("u streams it, s starts it", Tone.DIM)))
+        parts.append((2, Span("u uploads it, s starts it", Tone.DIM)))
     if has_loaded:
         parts.append((3, Span(f"m shows the one on {name}", Tone.DIM)))
     return fitted(parts, width)

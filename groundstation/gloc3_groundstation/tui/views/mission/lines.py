@@ -42,7 +42,7 @@ def mission_lines(platform: PlatformSnapshot | None, plan: CheckedPlan | None, n
         return [(Span(cut(" Its autopilot's plan: Services (6).", width), Tone.DIM),)]
     if timed is None or not timed.value.state:
         at_hand = f" {plan.title!r} is open." if plan is not None else " No mission is loaded."
-        hint = " u streams it, s starts it." if plan is not None else " 3, then o opens one."
+        hint = " u uploads it, s starts it." if plan is not None else " 3, then o opens one."
         return [(Span(at_hand[:width]),), (Span(hint[:width], Tone.DIM),)]
     mission = timed.value
     lines = [_line(item, min(width, WIDEST)) for item in wording.items(mission)]

@@ -8,7 +8,14 @@ from typing import Final
 from gloc3.cli.counting import counted
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
-from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase, CalibrationState, Side, SideState
+from gloc3.mavlink.services.calibration import (
+    CalibrationKind,
+    CalibrationPhase,
+    CalibrationState,
+    RadioChannel,
+    Side,
+    SideState,
+)
 from gloc3.mavlink.services.plan import PlanType
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk.console_desk import ConsoleDesk
@@ -37,6 +44,7 @@ __all__ = [
     "Firmware",
     "JobOutcome",
     "PlanType",
+    "RadioChannel",
     "ServiceJob",
     "ServiceKind",
     "Side",
@@ -234,10 +242,14 @@ class VehicleDesk:
     # --- calibration ---
 
     def calibrate(self, kind: CalibrationKind) -> None:
-        """Calibrates a sensor."""
+        """Calibrates; the ESCs only after a confirmation that the propellers are off."""
+        if kind is CalibrationKind.ESC and not self.motors.is_confirmed:
+            return
 
         async def work(report: OnProgress) -> str:
             del report
+            if kind in (CalibrationKind.ESC, CalibrationKind.RADIO):
+                self.require_control()
             self.calibration = state = await self.services.calibration.run(kind, self._receive_calibration)
             if state.phase is not CalibrationPhase.DONE:
                 raise Refused(f"{kind}: {state.phase}{f', {state.reason}' if state.reason else ''}")

@@ -11,7 +11,7 @@ from gloc3.mavlink.services.parameter_client import ParameterClient
 from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.shell import ShellClient
 from gloc3_groundstation.services.actions import ActionService
-from gloc3_groundstation.services.calibrations import CalibrationService
+from gloc3_groundstation.services.calibration.calibrations import CalibrationService
 from gloc3_groundstation.services.console import ConsoleService
 from gloc3_groundstation.services.descriptions.component_metadata import (
     DescriptionCache,
@@ -70,7 +70,7 @@ class VehicleServices:
         )
         self.plans: Final = PlanService(self.machines, mission, self._snapshots)
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
-        self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots)
+        self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots, self.parameters)
         self.console: Final = ConsoleService(self.machines, shell, self._snapshots)
         self.motors: Final = MotorTestService(self.machines, commands, self._snapshots, target)
         self._mavsdk = MavsdkBehindLink(wire, target)

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.autopilot.arming import Authorization
 from gloc3_sitl.autopilot.commander import Commander
@@ -35,6 +36,9 @@ from gloc3_sitl.sensors.readings import (
     RangeReading,
     Reading,
 )
+
+_ESCS_AT_START: Final = 3.0
+"""ESC_CALIBRATION."""
 
 
 class Autopilot:
@@ -89,7 +93,7 @@ class Autopilot:
         self._stopped: Final = self.control.stopped
         request = self.parameters.__getitem__ if "COM_ARM_AUTH_REQ" in self.parameters else None
         self.commander: Final = Commander(self.craft, style, Authorization(self.craft, request))
-        self.calibration: Final = CalibrationRun(self.craft)
+        self.calibration: Final = CalibrationRun(self.craft, lambda: self.commander.battery_share > 0.0)
         self.failsafes: Final = FailsafeMonitor(self.commander)
         self.servo_us: Final[dict[int, int]] = {}
         """Pulse lengths set from outside, by output number from 1."""
@@ -110,6 +114,9 @@ class Autopilot:
     def _continue(self, before: "Autopilot") -> None:
         """Restores the memory card after a reboot."""
         self.parameters.load(before.parameters)
+        if "ESC_CALIBRATION" in self.parameters and self.parameters["ESC_CALIBRATION"] == _ESCS_AT_START:
+            self.parameters.set("ESC_CALIBRATION", 0.0)
+            self.craft.send_text(Severity.INFO, "ESC calibration: Auto calibration")
         self.craft.mission.on_upload(self.plans.mission_count, len(self.plans.mission), self.craft.first_item)
 
     def _receivers(self) -> dict[type, Callable[[Any], None]]:

@@ -40,6 +40,7 @@ class Commander:
         self._arming_mode: Mode = mode
         """Last intended mode that can arm."""
         self.activity: Activity = HoldPosition(craft)
+        self._ignores_pilot = False
         self.battery_share, self.battery_v = 1.0, inf
         """Set by the battery monitor."""
         self.is_terminated = False
@@ -208,6 +209,13 @@ class Commander:
         """Whether a transmitter is connected."""
         return self.craft.now_s - self.craft.pilot.last_seen_s <= self.craft.tuning.pilot_timeout_s
 
+    def ignore_pilot(self, is_ignored: bool) -> None:
+        """Takes nothing from the transmitter while it is calibrated, as PX4 does."""
+        if is_ignored is not self._ignores_pilot:
+            self._ignores_pilot = is_ignored
+            what = "Disabling" if is_ignored else "Restoring"
+            self.craft.send_text(Severity.INFO, f"Calibration: {what} RC input")
+
     def take_off(self, target_down_m: float) -> RequestVerdict:
         """Climbs to a height (NED down); NaN means the default. The vehicle must be armed."""
         craft, style = self.craft, self.style
@@ -333,6 +341,8 @@ class Commander:
             return
         if pilot.has_transmitter:
             pilot.last_seen_s = craft.now_s
+        if self._ignores_pilot:
+            return
         if pilot.is_killed:
             pilot.is_killed = False
             craft.send_text(Severity.CRITICAL, "Kill switch")

@@ -13,6 +13,9 @@ from gloc3.mavlink.services.calibration_px4 import Px4Calibration
 
 from .pair import STATION, VEHICLE
 
+KINDS = [kind for kind in CalibrationKind if kind is not CalibrationKind.RADIO]
+"""The vehicle leads these itself; the last one, the ESCs, with PX4 only."""
+
 
 def begun(kind: CalibrationKind, machine: type[Calibration] = Px4Calibration) -> Calibration:
     calibration = machine(STATION, VEHICLE, kind)
@@ -122,7 +125,7 @@ words = st.one_of(
 
 
 @settings(max_examples=80)
-@given(st.lists(words, max_size=12), st.sampled_from(CalibrationKind))
+@given(st.lists(words, max_size=12), st.sampled_from(KINDS))
 def test_no_text_brings_it_out_of_order(said: list[str], kind: CalibrationKind) -> None:
     calibration = begun(kind)
     for number, one in enumerate(said):
@@ -155,7 +158,7 @@ def test_no_text_brings_it_out_of_order(said: list[str], kind: CalibrationKind) 
         ),
         max_size=10,
     ),
-    st.sampled_from(CalibrationKind),
+    st.sampled_from(KINDS[:-1]),
 )
 def test_no_message_brings_it_out_of_order(said: list[MavlinkMessage], kind: CalibrationKind) -> None:
     calibration = begun(kind, ArduPilotCalibration)

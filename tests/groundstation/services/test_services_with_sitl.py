@@ -13,7 +13,7 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import message
 from gloc3.mavlink.parser import Frame
-from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase
+from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase, CalibrationState
 from gloc3.mavlink.services.plan import PlanType
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.assembly import GroundStation, StationSetup
@@ -175,6 +175,88 @@ async def test_a_motor_turns_by_itself_and_stops(vehicle: tuple[str, int]) -> No
             with pytest.raises(Refused, match="COM_MOT_TEST_EN must be 1"):
                 await services.motors.run(2)
             await services.parameters.set("COM_MOT_TEST_EN", 1)
+
+
+STICKS = {"roll": 1, "pitch": 2, "throttle": 3, "yaw": 4}
+RC_PARAMETERS = {
+    "px4": {"RC1_MIN": 1100, "RC1_TRIM": 1500, "RC2_REV": -1, "RC3_TRIM": 1100, "RC_MAP_YAW": 4, "RC_CHAN_CNT": 4},
+    "ardupilot": {"RC1_MIN": 1100, "RC1_TRIM": 1500, "RC3_TRIM": 1100, "RC4_MAX": 1900},
+}
+
+
+async def test_a_transmitter_is_calibrated_and_none_is_refused(vehicle: tuple[str, int]) -> None:
+    style, port = vehicle
+    async with at_hand(port) as (services, _):
+        said = await services.calibration.run(CalibrationKind.RADIO)
+        assert "no receiver is heard" in said.reason
+        pulses = dict.fromkeys(STICKS.values(), 1500) | {3: 1100}
+
+        async def transmit() -> None:
+            while True:
+                fields = {f"chan{number}_raw": pulse for number, pulse in pulses.items()}
+                services.send(message("RC_CHANNELS_OVERRIDE", target_system=1, target_component=1, **fields))
+                await asyncio.sleep(0.05)
+
+        seen = [said]
+        transmitter = asyncio.ensure_future(transmit())
+        running = asyncio.ensure_future(services.calibration.run(CalibrationKind.RADIO, seen.append))
+
+        async def asked(words: str) -> None:
+            await until(lambda: words in seen[-1].instruction)
+
+        if style == "px4":
+            await asked("centre the sticks, the throttle down")
+            services.calibration.confirm()
+            for stick, moved_us in (("throttle", 1900), ("yaw", 1900), ("roll", 1900), ("pitch", 1100)):
+                await asked(f"move the {stick} stick")
+                pulses[STICKS[stick]] = moved_us
+            await until(lambda: "to their ends" in seen[-1].instruction)
+        await asked("to their ends")
+        for end_us in (1100, 1900):
+            pulses.update(dict.fromkeys(pulses, end_us))
+            await until(lambda: {one.value_us for one in seen[-1].channels} == set(pulses.values()))
+        services.calibration.confirm()
+        pulses.update(dict.fromkeys(pulses, 1500) | {3: 1100})
+        await until(lambda: [one.value_us for one in seen[-1].channels] == [1500, 1500, 1100, 1500])
+        services.calibration.confirm()
+        await asked("confirm to write")
+        services.calibration.confirm()
+        assert (await running).phase is CalibrationPhase.DONE
+        transmitter.cancel()
+        await services.parameters.fetch()
+        assert {name: services.parameters.table[name].value for name in RC_PARAMETERS[style]} == RC_PARAMETERS[style]
+
+
+async def test_escs_are_calibrated_by_either_firmware(vehicle: tuple[str, int]) -> None:
+    style, port = vehicle
+    async with at_hand(port) as (services, _):
+        seen: list[CalibrationState] = []
+
+        def command(number: int, *params: float) -> None:
+            fields = {f"param{index}": value for index, value in enumerate(params, start=1)}
+            services.send(message("COMMAND_LONG", target_system=1, target_component=1, command=number, **fields))
+
+        if style == "px4":
+            state = await services.calibration.run(CalibrationKind.ESC)
+            assert "isconnect" in state.reason, "the battery is connected"
+            await services.parameters.fetch()
+            await services.parameters.set("SYS_FAILURE_EN", 1)
+            command(420, 100, 1)  # the battery is taken off
+            await asyncio.sleep(0.5)
+        running = asyncio.ensure_future(services.calibration.run(CalibrationKind.ESC, seen.append))
+        if style == "px4":
+            await until(lambda: bool(seen) and seen[-1].instruction == "Connect battery now")
+            command(420, 100, 0)
+        else:
+            await until(lambda: bool(seen) and seen[-1].phase is CalibrationPhase.WAITING)
+            assert services.parameters.table["ESC_CALIBRATION"].value == 3
+            services.calibration.confirm()
+            await until(lambda: "still 3" in seen[-1].instruction)
+            command(246, 1)
+            while not running.done():
+                services.calibration.confirm()
+                await asyncio.sleep(0.5)
+        assert (await asyncio.wait_for(running, 30.0)).phase is CalibrationPhase.DONE
 
 
 async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple[str, int], tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from tests.groundstation.scripted_platform import ScriptedPlatform
 from tests.groundstation.station_scene import Scene
 from textual.widgets import Input
 
+from gloc3.mavlink.codec import message
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.tui.app import StationApp
@@ -148,3 +149,48 @@ async def test_a_motor_is_tested_by_keys_after_a_typed_confirmation(tmp_path: Pa
         await here.press("s")
         await here.until("job", "✗ testing motor 2: cancelled")
         await here.until("motors_list", "stopped")
+
+
+async def test_a_transmitter_and_escs_are_calibrated_by_keys(tmp_path: Path) -> None:
+    async with terminal("ardupilot", tmp_path) as here:
+        await here.until("title", "ardupilot-1")
+        await here.go("6")
+        await here.until("services", "ArduPilot")
+        await here.press("tab", "tab", "tab", "tab")
+        await here.until("calibration_list", "move the sticks of the transmitter")
+        await here.press("down", "down", "down", "down", "b")
+        await here.until("job", "✗ radio: failed, no receiver is heard")
+        services = here.app.desk.services.vehicle("ardupilot-1").services
+        pulses = dict.fromkeys((1, 2, 3, 4), 1100)
+
+        async def transmit() -> None:
+            while True:
+                fields = {f"chan{number}_raw": pulse for number, pulse in pulses.items()}
+                services.send(message("RC_CHANNELS_OVERRIDE", target_system=1, target_component=1, **fields))
+                await asyncio.sleep(0.05)
+
+        transmitter = asyncio.ensure_future(transmit())
+        await here.press("b")
+        await here.until("calibration_detail", "move all sticks, knobs and switches to their ends")
+        await here.until("calibration_detail", r"1100    – 1100 µs, now 1100")
+        await here.press("y")
+        await here.until("calibration_detail", "roll (channel 1) has moved by 0 µs only")
+        pulses.update(dict.fromkeys(pulses, 1900))
+        await here.until("calibration_detail", "1100    – 1900 µs, now 1900")
+        pulses.update(dict.fromkeys(pulses, 1500) | {3: 1100})
+        await here.until("calibration_detail", "now 1500")
+        await here.press("y")
+        await here.until("calibration_detail", "centre the sticks, the throttle down")
+        await here.press("y")
+        await here.until("calibration_detail", "confirm to write 12 parameters")
+        await here.until("calibration_detail", "4 yaw")
+        await here.press("y")
+        await here.until("job", "✓ radio: calibrated; 12 parameters written and read back")
+        transmitter.cancel()
+        await here.press("down", "b")
+        await here.wait(lambda: isinstance(here.app.screen, TextEntry) and isinstance(here.app.focused, Input))
+        here.app.screen.query_one(Input).value = "props off"
+        await here.press("enter")
+        await here.until("calibration_detail", "Connect the battery: the motors get full throttle")
+        await here.press("escape")
+        await here.until("calibration_detail", "ESC_CALIBRATION is 0 again")

@@ -1,4 +1,4 @@
-"""Sensor calibration as seen by a station: its states, and the base of both firmwares' procedures.
+"""Calibration as seen by a station: its states, and the base of both firmwares' procedures.
 
 PX4 reports the progress in status texts that begin with `[cal]`, ArduPilot in its own messages and commands; each has a
 file. A repeated command restarts the calibration on some firmware, so it is not sent again where the vehicle answers
@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Final
+from typing import ClassVar, Final
 
 import msgspec
 
@@ -29,12 +29,16 @@ MOST_TEXTS: Final = 40
 
 
 class CalibrationKind(StrEnum):
-    """Sensors that can be calibrated."""
+    """What can be calibrated."""
 
     GYRO = "gyro"
     ACCELEROMETER = "accelerometer"
     MAGNETOMETER = "magnetometer"
     LEVEL = "level"
+    RADIO = "radio"
+    """The channels of the transmitter (RC)."""
+    ESC = "ESC"
+    """The throttle range of the electronic speed controllers."""
 
 
 class Side(StrEnum):
@@ -68,6 +72,21 @@ class CalibrationPhase(StrEnum):
     CANCELLED = "cancelled"
 
 
+class RadioChannel(msgspec.Struct, frozen=True):
+    """A channel of the transmitter while it is calibrated; pulses in µs."""
+
+    number: int
+    """From 1."""
+    value_us: int
+    minimum_us: int
+    maximum_us: int
+    centre_us: int | None = None
+    """None until it is measured."""
+    role: str = ""
+    """The stick that moves it, as "throttle"; empty where none is known to."""
+    is_reversed: bool = False
+
+
 class CalibrationState(msgspec.Struct, frozen=True, kw_only=True):
     """A calibration at one moment."""
 
@@ -83,6 +102,8 @@ class CalibrationState(msgspec.Struct, frozen=True, kw_only=True):
     """Why it failed, or which steps remain."""
     texts: tuple[str, ...] = ()
     """The last texts that the vehicle has sent meanwhile."""
+    channels: tuple[RadioChannel, ...] = ()
+    """Those that the receiver delivers, while the transmitter is calibrated."""
 
     @property
     def is_over(self) -> bool:
@@ -96,8 +117,15 @@ class Calibration(Microservice[CalibrationState]):
     Args:
         own: address of this end.
         target: the autopilot.
-        kind: the sensor.
+        kind: what is calibrated.
     """
+
+    silent_s: ClassVar[float] = SILENT_S
+    """Silence after which it has failed, s."""
+    silence: ClassVar[str] = f"no message from it for {SILENT_S:.0f} s; its last message may have been lost"
+    """The reason then."""
+    refusal_hint: ClassVar[str] = ""
+    """What may be the reason where the vehicle refuses to begin."""
 
     def __init__(self, own: Address, target: Address, kind: CalibrationKind) -> None:
         super().__init__(own)
@@ -141,15 +169,12 @@ class Calibration(Microservice[CalibrationState]):
         for client in (self._quick, self._is_waiting):
             client.tick(now_s)
         self._poll(now_s)
-        if not self.state.is_over and now_s >= self._received_s + SILENT_S:
-            self._end(
-                CalibrationPhase.FAILED,
-                f"no message from it for {SILENT_S:.0f} s; its last message may have been lost",
-            )
+        if not self.state.is_over and now_s >= self._received_s + self.silent_s:
+            self._end(CalibrationPhase.FAILED, self.silence)
 
     def next_tick_s(self) -> float | None:
         """When one of these is due."""
-        silent_s = None if self.state.is_over else self._received_s + SILENT_S
+        silent_s = None if self.state.is_over else self._received_s + self.silent_s
         return earliest(self._quick.next_tick_s(), self._is_waiting.next_tick_s(), silent_s)
 
     def outgoing(self) -> list[MavlinkMessage]:
@@ -188,7 +213,7 @@ class Calibration(Microservice[CalibrationState]):
             if call.result is CommandResult.ACCEPTED:
                 self._answered(call.result, was_in_progress=call.is_in_progress)
             else:
-                self._end(CalibrationPhase.FAILED, f"the vehicle's answer: {call.result.words}")
+                self._end(CalibrationPhase.FAILED, f"the vehicle's answer: {call.result.words}{self.refusal_hint}")
 
     def _note(self, text: str) -> None:
         self._change(texts=(*self.state.texts, text)[-MOST_TEXTS:])

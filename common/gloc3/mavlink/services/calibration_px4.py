@@ -22,6 +22,7 @@ _PARAMS: Final = {
     CalibrationKind.MAGNETOMETER: (0.0, 1.0),
     CalibrationKind.ACCELEROMETER: (0.0, 0.0, 0.0, 0.0, 1.0),
     CalibrationKind.LEVEL: (0.0, 0.0, 0.0, 0.0, 2.0),
+    CalibrationKind.ESC: (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
 }
 _SIDES: Final = {
     "down": Side.LEVEL,
@@ -129,3 +130,15 @@ class Px4Calibration(Calibration):
         if self.state.kind is CalibrationKind.MAGNETOMETER:
             return "turn the vehicle slowly about the axis that points up, always the same side down"
         return "hold the vehicle still: this side is measured"
+
+
+class Px4EscCalibration(Px4Calibration):
+    """Full throttle until the battery is connected, then none; PX4 does not stop it once it has begun."""
+
+    refusal_hint = "; the battery must be disconnected, and USB power the autopilot"
+
+    def cancel(self, now_s: float) -> None:
+        """Follows it no longer."""
+        if not self.state.is_over:
+            super().cancel(now_s)
+            self._change(reason="PX4 goes on for up to 15 s; keep clear of the motors")

@@ -1,4 +1,4 @@
-"""Calibration of the vehicle's sensors: start, follow step by step, confirm, cancel."""
+"""Calibration of sensors, transmitter and ESCs: start, follow step by step, confirm, cancel."""
 
 from typing import ClassVar
 
@@ -7,7 +7,7 @@ from textual.binding import Binding, BindingType
 from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.desk.vehicle_desk import CalibrationKind, CalibrationPhase, VehicleDesk
 from gloc3_groundstation.tui.services.pane import ServicePane
-from gloc3_groundstation.tui.views.services.calibration import calibration_lines, kind_line
+from gloc3_groundstation.tui.views.services.calibration import calibration_lines, esc_warning, kind_line
 from gloc3_groundstation.tui.widgets.lines import Span, Tone
 from gloc3_groundstation.tui.widgets.panel import Row
 
@@ -18,15 +18,15 @@ class CalibrationPane(ServicePane):
     service = ServiceKind.CALIBRATION
     detail_lines = 1
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("b", "begin", "Begin", tooltip="calibrates the sensor under the cursor; also enter"),
-        Binding("y", "measure", "Measure", tooltip="the vehicle lies as instructed"),
+        Binding("b", "begin", "Begin", tooltip="calibrates what is under the cursor; also enter"),
+        Binding("y", "measure", "Confirm", tooltip="the vehicle lies, or the sticks are, as instructed"),
     ]
 
     def fill(self, vehicle: VehicleDesk) -> None:
         """What can be calibrated, and how far it is."""
         state = vehicle.calibration
         rows = [Row(kind_line(kind, state), kind.value) for kind in CalibrationKind]
-        self.show((Span(" sensor          state            what you do", Tone.DIM),), rows, "calibration")
+        self.show((Span(" what            state            what you do", Tone.DIM),), rows, "calibration")
         self.show_detail(lambda width: calibration_lines(state, width), state.kind.value if state is not None else "")
 
     def style_class(self, vehicle: VehicleDesk) -> object:
@@ -34,9 +34,22 @@ class CalibrationPane(ServicePane):
         return vehicle.calibration.phase if vehicle.calibration is not None else None
 
     def choose(self, key: str) -> None:
-        """Begins."""
-        if self.vehicle is not None:
-            self.vehicle.calibrate(CalibrationKind(key))
+        """Begins; the ESCs after a typed confirmation."""
+        vehicle = self.vehicle
+        if vehicle is None or not key:
+            return
+        kind = CalibrationKind(key)
+        if kind is not CalibrationKind.ESC or vehicle.motors.is_confirmed:
+            vehicle.calibrate(kind)
+            self.show_again()
+            return
+        self.prompt(
+            f"calibrate the ESCs of {vehicle.name}?",
+            lambda _: vehicle.calibrate(kind),
+            lines=esc_warning,
+            hint=f"type {vehicle.name} or props off",
+            check=lambda text: vehicle.motors.confirm(text, vehicle.name),
+        )
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Offers to measure only where the vehicle waits for that."""

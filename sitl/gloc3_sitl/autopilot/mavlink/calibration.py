@@ -1,5 +1,6 @@
 """Simulated calibration, which changes nothing: PX4's in `[cal]` texts, ArduPilot's accelerometer in position requests."""
 
+from collections.abc import Callable
 from enum import StrEnum
 from typing import Final
 
@@ -16,6 +17,7 @@ class Subject(StrEnum):
     MAGNETOMETER = "mag"
     ACCELEROMETER = "accel"
     LEVEL = "level"
+    ESC = "esc"
 
 
 TURNED: Final = frozenset({Subject.MAGNETOMETER, Subject.ACCELEROMETER})
@@ -23,15 +25,23 @@ TURNED: Final = frozenset({Subject.MAGNETOMETER, Subject.ACCELEROMETER})
 
 _STEP_S: Final = 0.3
 _STEPS: Final = 5
+_CONNECT_S, _ESC_S = 6.0, 8.0
+"""So long PX4 waits for the battery, and so long it drives the ESCs after that: 3 s with full throttle, 5 s with none."""
 TIMEOUT_S: Final = 30.0
 """So long a vehicle waits to be turned."""
 
 
 class CalibrationRun:
-    """The calibration in progress, if any."""
+    """The calibration in progress, if any.
 
-    def __init__(self, craft: Craft) -> None:
+    Args:
+        craft: the vehicle; its motors stay still while the ESCs are calibrated.
+        has_battery: whether a battery is connected. The simulation has no plug: an empty battery counts as none.
+    """
+
+    def __init__(self, craft: Craft, has_battery: Callable[[], bool]) -> None:
         self._craft: Final = craft
+        self._has_battery = has_battery
         self._subject: Subject | None = None
         self._begin_s = 0.0
         self._step = 0
@@ -45,9 +55,19 @@ class CalibrationRun:
         """Starts a calibration; `tick` continues it."""
         self._subject, self._begin_s, self._step = subject, self._craft.now_s, 0
         self._send_text(f"calibration started: 2 {subject}")
+        if subject is Subject.ESC:
+            self._send_text("Connect battery now")
         if subject in TURNED:
             self._send_text("pending: back front left right up down")
             self._send_text("hold vehicle still on a pending side")
+
+    def begin_escs(self) -> bool:
+        """Starts that of the ESCs; false, with a text, while a battery is connected."""
+        if self._has_battery():
+            self._fail("Disconnect battery and try again")
+            return False
+        self.begin(Subject.ESC)
+        return True
 
     def cancel(self) -> None:
         """Cancels the calibration under way."""
@@ -62,6 +82,8 @@ class CalibrationRun:
             return
         if self._craft.is_armed:
             self._fail("armed")
+        elif subject is Subject.ESC:
+            self._drive_escs(now_s)
         elif subject in TURNED:
             self._wait(subject, now_s)
         elif now_s - self._begin_s >= (self._step + 1) * _STEP_S:
@@ -70,6 +92,16 @@ class CalibrationRun:
             if self._step == _STEPS:
                 self._subject = None
                 self._send_text(f"calibration done: {subject}")
+
+    def _drive_escs(self, now_s: float) -> None:
+        """Goes on when the battery is connected, or after a time without it, as PX4 does."""
+        waited_s = now_s - self._begin_s
+        if self._step == 0 and (self._has_battery() or waited_s >= _CONNECT_S):
+            self._step, self._begin_s = 1, now_s
+            self._send_text("Battery connected")
+        elif self._step == 1 and waited_s >= _ESC_S:
+            self._subject = None
+            self._send_text("calibration done: esc")
 
     def _wait(self, subject: Subject, now_s: float) -> None:
         """Measures the present side; the other sides never come."""

@@ -45,10 +45,11 @@ def _calibrate(context: FrontContext, request: MavCommandRequest) -> RequestVerd
     calibration = context.autopilot.calibration
     if context.is_px4 and not any(request.params):
         calibration.cancel()
+        context.commander.ignore_pilot(False)
         return ACCEPTED
     if context.craft.is_armed:
         return RequestVerdict(context.commander.style.refused, "armed")
-    gyro, magnetometer, _, _, accelerometer, *_ = request.params
+    gyro, magnetometer, _, radio, accelerometer, _, escs = request.params
     if not context.is_px4:
         if accelerometer == 1.0:
             context.accelerometer.begin()
@@ -59,6 +60,11 @@ def _calibrate(context: FrontContext, request: MavCommandRequest) -> RequestVerd
         return RequestVerdict(Result.IN_PROGRESS)
     if calibration.is_busy:
         return RequestVerdict(Result.TEMPORARILY_REJECTED, "another calibration is in progress")
+    if radio == 1.0:
+        context.commander.ignore_pilot(True)
+        return ACCEPTED
+    if escs == 1.0:
+        return ACCEPTED if calibration.begin_escs() else RequestVerdict(Result.DENIED)
     if gyro == 1.0:
         subject = Subject.GYRO
     elif magnetometer == 1.0:

@@ -51,6 +51,19 @@ _POSITION_LOST: Final[Mapping[int, FailsafeAction]] = {
 }
 _CHECKS_SKIPPED: Final[Mapping[int, int]] = {0: -1, 1: 0}
 
+TRANSMITTER: Final = (
+    *(
+        whole(f"RC{number}_{name}", default, 800, 2200, f"{what} of a channel, us; without effect")
+        for number in range(1, 5)
+        for name, default, what in (("MIN", 1100, "shortest pulse"), ("TRIM", 1500, "centre"), ("MAX", 1900, "longest"))
+    ),
+    *(
+        whole(f"RCMAP_{stick}", number, 1, 16, f"channel of {stick.lower()}; without effect")
+        for number, stick in enumerate(("ROLL", "PITCH", "THROTTLE", "YAW"), start=1)
+    ),
+)
+"""Those of the transmitter, the same for every vehicle; the embedded autopilot takes the sticks as they are."""
+
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     # Identity and links
     whole("MAV_SYSID", 1, 1, 255, "MAVLink system id", kind=ParameterKind.INT16),
@@ -76,6 +89,8 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     real("FS_EKF_THRESH", 0.8, 0.6, 1.0, "estimator variance that counts as failure"),
     whole("FS_DR_ENABLE", 2, 0, 6, "dead reckoning action", kind=ParameterKind.INT8),
     whole("FS_DR_TIMEOUT", 30, 0, 120, "dead reckoning timeout, s", kind=ParameterKind.INT16),
+    *TRANSMITTER,
+    whole("ESC_CALIBRATION", 0, 0, 9, "3: the ESCs are calibrated at the next start", kind=ParameterKind.INT8),
     real("RC_FS_TIMEOUT", 1.0, 0.5, 10.0, "transmitter loss timeout, s", "pilot_timeout_s"),
     whole("BATT_MONITOR", 4, 0, 29, "battery monitor: voltage and current", kind=ParameterKind.INT8),
     whole("BATT_CAPACITY", 6250, 0, 1000000, "capacity, mAh"),

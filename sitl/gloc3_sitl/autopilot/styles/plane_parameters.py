@@ -10,6 +10,7 @@ from typing import Final
 
 from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, real, whole
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS as COPTERS
+from gloc3_sitl.autopilot.styles.ardupilot_parameters import TRANSMITTER
 from gloc3_sitl.autopilot.tuning import Exempt, FailsafeAction, Tuning
 
 LONG: Final[Mapping[int, FailsafeAction]] = {
@@ -52,6 +53,7 @@ _OWN: Final[Mapping[str, float]] = {"BATT_CAPACITY": 20_000, "BATT_LOW_MAH": 4_0
 _ROWS: Final = {row.name: row for row in COPTERS}
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     *(replace(_ROWS[name], default=_OWN.get(name, _ROWS[name].default)) for name in _SHARED),
+    *TRANSMITTER,
     # Arming and failsafes
     whole("ARMING_CHECK", 1, 0, 1048575, "0 skips the arming checks"),
     whole("ARMING_REQUIRE", 1, 0, 2, "arming is needed", kind=ParameterKind.INT8),

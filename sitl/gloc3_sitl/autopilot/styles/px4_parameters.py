@@ -52,6 +52,17 @@ _BATTERY: Final[Mapping[int, tuple[FailsafeAction, FailsafeAction]]] = {
 }
 """Actions of COM_LOW_BAT_ACT on a critical battery and in an emergency."""
 
+_CHANNELS: Final = tuple(
+    real(f"RC{number}_{name}", default, least, most, f"{what} of a channel; without effect")
+    for number in range(1, 5)
+    for name, default, least, most, what in (
+        ("MIN", 1000.0, 800.0, 1500.0, "shortest pulse, us,"),
+        ("TRIM", 1500.0, 800.0, 2200.0, "centre, us,"),
+        ("MAX", 2000.0, 1500.0, 2200.0, "longest pulse, us,"),
+        ("REV", 1.0, -1.0, 1.0, "direction"),
+    )
+)
+
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     # Identity and links
     whole("SYS_AUTOSTART", 4001, 0, 9999999, "airframe: generic quadcopter"),
@@ -63,6 +74,12 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     real("COM_RC_LOSS_T", 0.5, 0.0, 35.0, "manual control loss timeout, s", "pilot_timeout_s"),
     whole("COM_RC_OVERRIDE", 1, 0, 3, "sticks take over: bit 0 auto modes, bit 1 offboard", "pilot_override"),
     real("COM_RC_STICK_OV", 30.0, 5.0, 80.0, "stick deflection that takes over, %", "pilot_override_stick", 0.01),
+    *_CHANNELS,
+    whole("RC_CHAN_CNT", 0, 0, 18, "channels of the transmitter; without effect"),
+    *(
+        whole(f"RC_MAP_{stick}", 0, 0, 18, f"channel of {stick.lower()}; without effect")
+        for stick in ("ROLL", "PITCH", "THROTTLE", "YAW")
+    ),
     whole("NAV_RCL_ACT", 2, 1, 6, "manual control loss action", "pilot_lost_action", _PILOT_LOST),
     whole(
         "COM_RCL_EXCEPT", 0, 0, 31, "modes without manual control loss: mission, hold, offboard", "pilot_lost_exempt"

@@ -172,7 +172,7 @@ def test_a_calibration_says_what_a_person_has_to_do_now() -> None:
     reported = text(service_calibration.calibration_lines(state, 80))
     assert "accelerometer: waiting for you" in reported
     assert "Put the vehicle on its left side." in reported
-    assert "y in position: measure" in reported
+    assert "y done: go on" in reported
     assert "✓ level" in reported
     assert "enter starts" in text(service_calibration.calibration_lines(None, 80))
     line = service_calibration.kind_line(CalibrationKind.GYRO, state)

@@ -116,7 +116,9 @@ def component_checks(readings: Readings) -> Iterator[Check]:
         return
     required = [one for one in readings.components if one.is_required]
     unhealthy = [
-        one for one in readings.components if one.health not in (WELL if one.is_standby else (Health.WORKING,))
+        one
+        for one in readings.components
+        if one.health not in (WELL if one.is_standby or one.substitute else (Health.WORKING,))
     ]
     for one in unhealthy:
         verdict = Verdict.RED if one.is_required else Verdict.WARNING
@@ -126,6 +128,8 @@ def component_checks(readings: Readings) -> Iterator[Check]:
     well = len(readings.components) - len(unhealthy)
     if not any(one.is_required for one in unhealthy):
         finding = f"{well} of {len(readings.components)} work, with all {len(required)} that are required"
+        replaced = [one for one in readings.components if one.substitute and one not in unhealthy]
+        finding += "".join(f"; {one.substitute} is in charge for {one.name}, which is its standby" for one in replaced)
         yield Check(Group.COMPONENTS, "all", Verdict.OK, finding)
 
 

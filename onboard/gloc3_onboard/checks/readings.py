@@ -23,6 +23,8 @@ class ComponentCondition:
     is_standby: bool
     cause: str = ""
     """Its last error."""
+    substitute: str = ""
+    """The working component that is in charge of its outputs in its place."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -8,7 +8,7 @@ from gloc3.messages.command_interface import CiReply, CiRequest, RequestAction, 
 from gloc3.messages.preflight import Check, PreflightReport, red
 from gloc3.messages.readiness import ReadSetup
 from gloc3.messages.software import Software, own_software
-from gloc3.messages.summaries import health_of
+from gloc3.messages.summaries import Health, health_of
 from gloc3.mission.model.model import Mission
 from gloc3.platform.platform import Platform
 from gloc3_onboard.checks.checklist import checklist
@@ -149,10 +149,20 @@ class StartGate:
             status = book.status(name)
             health = health_of(book.state(name, now_s))
             cause = status.cause if status is not None and health not in ("working", "quiet") else ""
-            is_standby = row.standby_for is not None
             found.append(
                 ComponentCondition(
-                    name=name, health=health, is_required=row.required, is_standby=is_standby, cause=cause
+                    name=name,
+                    health=health,
+                    is_required=row.required,
+                    is_standby=row.standby_for is not None,
+                    cause=cause,
+                    substitute=self._substitute(name, now_s) if health == Health.QUIET else "",
                 )
             )
         return found
+
+    def _substitute(self, name: str, now_s: float) -> str:
+        """The working standby that is in charge in a component's place; empty where there is none."""
+        supervision = self._observing.supervision
+        charge = name if supervision is None else supervision.in_charge(name)
+        return charge if charge != name and self._observing.book.is_working(charge, now_s) else ""

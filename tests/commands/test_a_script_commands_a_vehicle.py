@@ -54,6 +54,20 @@ def test_a_bare_vehicle_is_commanded_step_by_step_and_a_refusal_ends_the_run(sty
         assert (code, lines[-1]["outcome"], lines[-1]["exit_code"]) == (4, "refused", 4)
 
 
+def test_a_selection_of_vehicles_is_commanded_at_the_same_time_with_a_line_for_each(tmp_path: Path) -> None:
+    with simulated("px4") as first, simulated("ardupilot") as second:
+        both = (f"udpout://127.0.0.1:{first}", "--link", f"udpout://127.0.0.1:{second}")
+        names = ("--platform", "px4-1", "--platform", "nobody", "--platform", "ardupilot-1")
+        code, lines = ran(tmp_path, *both, *names, "--wait", "8", "--do", "arm")
+        found = {line["platform"]: line["data"]["outcome"] for line in lines if line["kind"] == "order"}
+        assert found == {"px4-1": "done", "nobody": "not_heard", "ardupilot-1": "done"}
+        assert (code, lines[-1]["outcome"]) == (5, "not_heard")
+        code, lines = ran(tmp_path, *both, "--platform", "all", "--do", "disarm")
+        found = {line["platform"]: line["data"]["outcome"] for line in lines if line["kind"] == "order"}
+        assert found == {"px4-1": "done", "ardupilot-1": "done"}
+        assert code == 0
+
+
 def test_a_vehicle_that_is_not_there_is_not_heard(tmp_path: Path) -> None:
     code, lines = ran(tmp_path, "udpin://127.0.0.1:0", "--platform", "7", "--wait", "0.2", "--do", "arm")
     assert (code, lines[-1]["outcome"]) == (5, "not_heard")

@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import zenoh
 
+from gloc3.cli.counting import counted
 from gloc3.exchange.base import Deliver, LocalExchange, Unsubscribe
 from gloc3.exchange.channel import Means, SendQueue
 from gloc3.exchange.inbound import Arrivals, Inbound, KeyLimit
@@ -36,6 +37,8 @@ HUGE_DEPTH: Final = 4
 ANSWER_S: Final = 5.0
 """How long the last message of a latched topic may take."""
 COUNTED_PLACES: Final = 200
+BREAK_S: Final = 3.0
+"""Losses within this time are one report: a break of a link costs every topic some messages."""
 PART: Final = re.compile(r"\*|\?|\[[^]]*\]")
 """A wildcard for some characters in a level of a pattern."""
 
@@ -113,6 +116,8 @@ class ZenohExchange:
         near = NearServer(loop) if is_sharing else None
         self._means = Means(session, loop, self._arrivals, topics.types, near, sender)
         self._large = LargeInlet(self._means, self._receive_bytes, self._count)
+        self._losses: dict[str, str] = {}
+        """By topic: the losses that are not reported yet."""
         self._is_open = True
 
     # --- the exchange ---
@@ -413,7 +418,18 @@ class ZenohExchange:
         before = self._counts.get(place, 0)
         self._counts[place] = before + number
         if len(str(before + number)) > len(str(before)) or not before:  # 1, 10, 100, …
-            self._troubled(kind, f"{place}: {reason} ({before + number} so far)")
+            text = f"{place}: {reason} ({before + number} so far)"
+            if kind != "lost":
+                self._troubled(kind, text)
+                return
+            if not self._losses:
+                self._loop.call_later(BREAK_S, self._report_losses)
+            self._losses[place] = text
+
+    def _report_losses(self) -> None:
+        (first, *others), self._losses = self._losses.values(), {}
+        if self._is_open:
+            self._troubled("lost", first + (f"; and of {counted(len(others), 'other topic')}" if others else ""))
 
 
 def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:

@@ -87,11 +87,11 @@ def commands_(
     """List the requests of stations: when and how they arrived, and their outcomes.
 
     Args:
-        file: The platform's log, or the folder of a run: its last one.
+        file: The platform's log, or the folder of a run: its last one that has any.
         looks: Also show requests that only read.
         json: Print JSON for programs.
     """
-    with LogReader(find_log(file), TopicTable.installed().types) as reader:
+    with LogReader(find_log(file, "ci/request"), TopicTable.installed().types) as reader:
         found = list_commands(reader, has_queries=looks)
         _warn(reader)
     print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render_commands(found))  # noqa: T201

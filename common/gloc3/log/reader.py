@@ -51,8 +51,12 @@ class ChannelInfo(NamedTuple):
     frame: str
 
 
-def find_log(path: Path) -> Path:
+def find_log(path: Path, topic: str = "") -> Path:
     """Resolves a command's log argument: the file itself, or the last log in the folder of a run.
+
+    Args:
+        path: the argument.
+        topic: the newest of several hosts' logs that has this topic is meant.
 
     Raises:
         Refused: there is no log in the folder.
@@ -65,6 +69,10 @@ def find_log(path: Path) -> Path:
     others = sorted(path.glob("*.mcap"))
     if len(others) == 1:
         return others[0]
+    for log in sorted(others, key=lambda each: each.stat().st_mtime_ns, reverse=True) if topic else ():
+        with LogReader(log) as reader:
+            if any(matches(f"*/{topic}", one) for one in reader.topics):
+                return log
     names = ", ".join(log.name for log in others)
     raise Refused(
         f"{path}: there is {f'more than one log: name one of {names}' if others else 'no log in this folder'}"

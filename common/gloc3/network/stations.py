@@ -106,7 +106,7 @@ class StationBridge:
         platform: name of the platform.
         roles: role of each station; others are not accepted.
         boot: of this process.
-        forged: called for each request that does not match its sender, with the station that has sent it.
+        forged: called for the first, tenth, hundredth… request that does not match its sender, with the station.
     """
 
     def __init__(
@@ -147,8 +147,9 @@ class StationBridge:
         role = self.roles.get(station)
         reason = _wrong(request, kind, station, role)
         if reason:
-            self.forgeries[station] = self.forgeries.get(station, 0) + 1
-            self._forged(station, reason)
+            number = self.forgeries[station] = self.forgeries.get(station, 0) + 1
+            if number == 10 ** (len(str(number)) - 1):  # 1, 10, 100, …
+                self._forged(station, reason if number == 1 else f"{reason} ({number} so far)")
         else:
             request = replace(request, role=STATION_ROLES[role], way=RELAYED)
             topic = "velocity_demand" if kind == DEMANDS else "ci/request"

@@ -117,43 +117,72 @@ class Headless:
             self.close()
 
     async def do(
-        self, commands: VehicleCommands, orders: Sequence[VehicleCommand], wait_s: float, within_s: float
+        self,
+        commands: VehicleCommands,
+        vehicles: Sequence[str],
+        orders: Sequence[VehicleCommand],
+        wait_s: float,
+        within_s: float,
     ) -> RunOutcome:
-        """Commands the vehicle, one command after the other, up to the first that is not done.
+        """Commands vehicles at the same time; each gets one command after the other, up to the first that is not done.
 
         Args:
             commands: carries them out.
+            vehicles: names or MAVLink systems; `all` for every vehicle that is heard.
             orders: the commands.
-            wait_s: how long to wait for contact with the vehicle, and for it to be ready, s.
+            wait_s: how long to wait for contact with a vehicle, and for it to be ready, s.
             within_s: the time for each command to be done, s.
 
-        Raises:
-            Gloc3Error: the vehicle is not in contact.
+        Returns:
+            The first outcome, in the order of the vehicles, that is not done.
         """
         self._begin()
         try:
-            wanted = self._platform or ""
-            name = await self._found(wait_s, wanted, flights.await_vehicle(self._station, wanted))
-            known = self._station.fleet.get(name)
-            if self.is_taking_over and known is not None and known.has_companion:
-                await flights.take_over(self._station, name)
-            for number, order in enumerate(orders, 1):
-                outcome, text = RunOutcome.DONE, ""
-                try:
-                    text = await commands.carry_out(name, order, ready_s=wait_s, within_s=within_s)
-                except Gloc3Error as error:
-                    outcome, text = outcome_of(error), str(error)
-                is_done = outcome is RunOutcome.DONE
-                left = ", ".join(map(str, orders[number:])) if not is_done else ""
-                shown = f"{order}: {outcome.replace('_', ' ')}: {text}" + (f"; not sent: {left}" if left else "")
-                data = OrderData(command=str(order), outcome=outcome, reason="" if is_done else text)
-                shown = shown if is_done else f"error: {shown}"
-                self._report(self._narrator.line(name, "order", shown, self._station.now_s(), data))
-                if not is_done:
-                    return outcome
-            return RunOutcome.DONE
+            if "all" in vehicles:
+                await self._found(wait_s, "", flights.await_vehicle(self._station, None))
+                vehicles = await flights.settled_vehicles(self._station)
+            outcomes = await asyncio.gather(
+                *(self._do(commands, vehicle, orders, wait_s, within_s) for vehicle in vehicles)
+            )
+            return next((outcome for outcome in outcomes if outcome is not RunOutcome.DONE), RunOutcome.DONE)
         finally:
             self.close()
+
+    async def _do(
+        self,
+        commands: VehicleCommands,
+        vehicle: str,
+        orders: Sequence[VehicleCommand],
+        wait_s: float,
+        within_s: float,
+    ) -> RunOutcome:
+        """Commands one vehicle; what fails is a line of it, and its outcome."""
+        name = vehicle
+        for number, order in enumerate(orders):
+            outcome, text = RunOutcome.DONE, ""
+            try:
+                if not number:
+                    name = await self._prepared(vehicle, wait_s)
+                text = await commands.carry_out(name, order, ready_s=wait_s, within_s=within_s)
+            except Gloc3Error as error:
+                outcome, text = outcome_of(error), str(error)
+            is_done = outcome is RunOutcome.DONE
+            left = ", ".join(map(str, orders[number + 1 :])) if not is_done else ""
+            shown = f"{order}: {outcome.replace('_', ' ')}: {text}" + (f"; not sent: {left}" if left else "")
+            data = OrderData(command=str(order), outcome=outcome, reason="" if is_done else text)
+            shown = shown if is_done else f"error: {shown}"
+            self._report(self._narrator.line(name, "order", shown, self._station.now_s(), data))
+            if not is_done:
+                return outcome
+        return RunOutcome.DONE
+
+    async def _prepared(self, vehicle: str, wait_s: float) -> str:
+        """Waits for contact with a vehicle, and takes control of it where that was requested; returns its name."""
+        name = await self._found(wait_s, vehicle, flights.await_vehicle(self._station, vehicle))
+        known = self._station.fleet.get(name)
+        if self.is_taking_over and known is not None and known.has_companion:
+            await flights.take_over(self._station, name)
+        return name
 
     def _send_due(self) -> None:
         """Sets the time of each command, once there is a mission to command."""

@@ -74,7 +74,9 @@ class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
     commands: tuple[ScriptCommand, ...] = ()
     """Sent at their times after the start."""
     orders: tuple[VehicleCommand, ...] = ()
-    """Commands to the vehicle, one after the other, without a mission."""
+    """Commands to each vehicle, one after the other, without a mission."""
+    vehicles: tuple[str, ...] = ()
+    """The vehicles that get them; `all` for every one that is heard."""
     within_s: float = 120.0
     """The time for each of them to be done."""
     is_taking_over: bool = False
@@ -204,7 +206,9 @@ class Session:
         """What a run without a terminal is for."""
         plan = self._options.plan
         if options.orders:
-            return await run.do(ground.desk().commands, options.orders, options.wait_s, options.within_s)
+            return await run.do(
+                ground.desk().commands, options.vehicles, options.orders, options.wait_s, options.within_s
+            )
         if plan is None:
             return await run.watch()
         if options.is_at_contact:

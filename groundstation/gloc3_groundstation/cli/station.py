@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from gloc3_groundstation.store.configuration import Configuration
 
 SELF_SIGNED: Final = "self"
+EVERY: Final = "all"
+"""In place of a platform's name: every one that is heard."""
 FLAG: Final = Parameter(negative=(), show_default=False)
 
 app = App(
@@ -55,6 +57,7 @@ app = App(
     - `gloc3 station --headless --mission my.yaml --json`: fly it from a script; stdout is data, stderr is narration
     - `gloc3 station --headless --mission my.yaml --command pause@30s --command resume@40s`: command it from a script
     - `gloc3 station --headless --platform 1 --do arm --do "take_off 5" --do land`: command a vehicle without a companion
+    - `gloc3 station --headless --platform all --do hold`: command every vehicle that is heard
     - `gloc3 station --link serial:///dev/ttyUSB0:57600`: over a telemetry radio
     - `gloc3 station --web`: in a browser, with the same keys
 
@@ -80,9 +83,10 @@ class StationOptions:
     """MAVLink link: udpin://HOST:PORT, udpout://, tcpin://, tcpout://, or serial:///dev/PORT:BAUD;
     may be given again. Default: those of the configuration file, else udpin://127.0.0.1:14550, which receives from
     this computer only; udpin://0.0.0.0:14550 receives from the network."""
-    platform: str | None = None
+    platform: Annotated[list[str] | None, Parameter(negative=())] = None
     """The platform to command, by name; otherwise the one that the mission's header names, else the only one that is
-    heard. With its platform file instead, the mission is checked by that file, too. With --do also the MAVLink system of a vehicle without a companion."""
+    heard. With its platform file instead, the mission is checked by that file, too. With --do also the MAVLink system of a
+    vehicle without a companion; it may be given again then, and "all" means every vehicle that is heard."""
     headless: Annotated[bool, FLAG] = False
     """No terminal: narrate on stderr. Without --mission it monitors until Ctrl-C."""
     json: Annotated[bool, FLAG] = False
@@ -101,10 +105,11 @@ class StationOptions:
     """With --headless and a --mission: reads such commands as lines from stdin. Without @SECONDS they are sent as they
     come, at the start at the earliest."""
     do: Annotated[list[str] | None, Parameter(negative=())] = None
-    """With --headless and a --platform: commands the vehicle, each awaited until telemetry shows it done; may be given
-    again. Without a companion: arm, disarm, "take_off HEIGHT", hold, return, land, "go_to LATITUDE LONGITUDE HEIGHT",
+    """With --headless and a --platform: commands each vehicle, each command awaited until telemetry shows it done; may
+    be given again. Without a companion: arm, disarm, "take_off HEIGHT", hold, return, land, "go_to LATITUDE LONGITUDE HEIGHT",
     "speed M_S", "mode NAME", start_plan, pause_plan, reboot. With one: take_off, hold, return, land and go_to as single
-    actions. The first that is refused or not done ends the run."""
+    actions. The first that is refused or not done ends the commands to this vehicle; the exit code is the first vehicle's that
+    is not 0."""
     within: float = 120.0
     """With --do: the time for each command to be done, s."""
     far_away_ok: Annotated[bool, FLAG] = False
@@ -222,6 +227,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         Gloc3Error: wrong use.
     """
     _check(options)
+    platform = options.platform[0] if options.platform else None
     modems = tuple(_modem(text) for text in options.acoustic or ())
     from gloc3_groundstation.cli.ending import Ending
     from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions, TerminalOptions
@@ -243,7 +249,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
     if options.mission is not None:
         find_mission(options.mission)  # a name that nothing has is wrong use; what is wrong in a file is not
         try:
-            plan = _read(options.mission, options.platform, terrain)
+            plan = _read(options.mission, platform, terrain)
         except InputError as error:
             if options.headless or options.start or options.exit_when_done:
                 narrate(f"{error}\nthe mission did not pass the check")
@@ -259,7 +265,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
     requested = SessionOptions(
         urls=tuple(options.link or ([] if setup.network is not None else configuration.links)),
         modems=modems,
-        platform=_name_of(options.platform),
+        platform=_name_of(platform),
         plan=plan,
         configuration=configuration,
         problem=problem,
@@ -276,6 +282,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
             override=options.override,
             is_at_contact=options.at_contact,
             orders=_orders(options.do or ()),
+            vehicles=tuple(dict.fromkeys(options.platform or ())),
             within_s=options.within,
             is_taking_over=options.take_over,
             is_far_ok=options.far_away_ok,
@@ -375,6 +382,8 @@ def _check(options: StationOptions) -> None:
         raise Refused("--do goes with --headless and a --platform, and without a --mission")
     if options.do:
         _orders(options.do)
+    elif len(options.platform or ()) > 1 or options.platform == [EVERY]:
+        raise Refused("several --platform, and all, go with --do")
     if options.far_away_ok and not (is_flying and not options.at_contact):
         raise Refused("--far-away-ok goes with --headless and a --mission that is started; the terminal asks")
     if options.take_over and not ((is_flying and not options.at_contact) or options.do):

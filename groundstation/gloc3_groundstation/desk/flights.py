@@ -130,6 +130,21 @@ async def await_vehicle(station: Station, wanted: str | None) -> str:
     return found[0]
 
 
+async def settled_vehicles(station: Station) -> list[str]:
+    """The names of all vehicles that are heard, once no further one has come for `OTHERS_S`."""
+    while True:
+        found = [platform.name for platform in station.fleet if platform.is_known and _is_called(platform, None)]
+        try:
+            async with asyncio.timeout(OTHERS_S):
+                await until(station, lambda: _number_of(station) > len(found))  # noqa: B023 - awaited here
+        except TimeoutError:
+            return found
+
+
+def _number_of(station: Station) -> int:
+    return sum(platform.is_known and _is_called(platform, None) for platform in station.fleet)
+
+
 def _is_called(platform: PlatformSnapshot, wanted: str | None) -> bool:
     system = platform.autopilot.system if platform.autopilot is not None else 0
     return wanted in (None, platform.name, str(system)) and platform.vehicle is not None

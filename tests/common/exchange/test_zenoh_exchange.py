@@ -17,7 +17,7 @@ from zenoh import CongestionControl
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import UNIX, ZenohEndpoints, new_session
-from gloc3.messages.envelope import Envelope, Source
+from gloc3.messages.envelope import Envelope, Event, Severity, Source
 from gloc3.messages.summaries import ComponentTable
 from gloc3.messages.topics import TopicService, TopicTable
 from gloc3.messages.vehicle import Image
@@ -83,6 +83,31 @@ async def test_a_picture_arrives_as_it_was_and_what_is_lost_of_many_is_counted(t
         problems = ends.station.problems()
         assert problems[f"lost {CAMERA}"] == missing > 0
         assert 0 < problems[f"late {CAMERA}"] <= missing
+
+
+async def test_a_break_of_many_topics_is_one_report(tmp_path: Path) -> None:
+    reported: list[str] = []
+    with (
+        node(tmp_path, "main", troubled=lambda _, text: reported.append(text)) as main,
+        node(tmp_path, "one") as one,
+    ):
+        seen: list[int] = []
+        main.subscribe(f"{PLATFORM}/components/*/event", lambda e: seen.append(e.sequence))
+
+        def send(sequence: int) -> bool:
+            for name in ("pose", "limiter", "viewer"):
+                topic, text = f"{PLATFORM}/components/{name}/event", Event(severity=Severity.INFO, text="x")
+                one.publish(Envelope(topic, Source(PLATFORM, name, 7), sequence, 0.0, "", type_name(Event), text))
+            return len(seen) >= 3
+
+        await until(lambda: send(0))
+        send(5)
+        await until(lambda: seen.count(5) == 3)
+        await until(lambda: reported, 6.0)
+        await asyncio.sleep(0.1)
+        (report,) = reported
+        assert report.startswith(f"lost {PLATFORM}/components/pose/event: messages are missing (4 so far)")
+        assert report.endswith("; and of 2 other topics")
 
 
 async def test_pictures_go_through_memory_to_those_on_this_computer_and_others_get_them_too(tmp_path: Path) -> None:

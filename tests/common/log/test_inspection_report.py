@@ -1,6 +1,7 @@
 """`gloc3 log report`: pictures of a wall with their poses become coverage, drawings and a contact sheet."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,18 @@ def test_the_last_flight_of_a_folder_is_reported_in_a_folder_of_its_own(tmp_path
     (tmp_path / "empty").mkdir()
     with pytest.raises(Refused, match="no log in this folder"):
         find_log(tmp_path / "empty")
+
+
+def test_of_several_hosts_logs_the_newest_with_the_wanted_topic_is_read(tmp_path: Path) -> None:
+    for number, name in enumerate(("log-vision", "log-main", "log-base")):
+        write_log(tmp_path / f"{name}.mcap")
+        os.utime(tmp_path / f"{name}.mcap", (number, number))
+    (tmp_path / "log-base.mcap").write_bytes(LogInMemory().close())
+    with pytest.raises(Refused, match="more than one log"):
+        find_log(tmp_path)
+    assert find_log(tmp_path, "pose") == tmp_path / "log-main.mcap"
+    with pytest.raises(Refused, match="more than one log"):
+        find_log(tmp_path, "ci/request")
 
 
 def test_pictures_are_told_in_the_frame_of_the_platform_and_with_the_time_of_day(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ from gloc3.cli.narration import narrate
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.announcing.announcements import AlertLevel, Announcements, severity_of
+from gloc3_groundstation.announcing.speech import NONE_FOUND, Speech, find_program
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.cli.ending import Ending
 from gloc3_groundstation.cli.headless import Headless
@@ -60,6 +63,10 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Links to other stations, whose commands pass to the vehicles."""
     rtk: str = ""
     """Source of RTK corrections; empty for none."""
+    bell: AlertLevel = "off"
+    """Alerts that ring the terminal's bell."""
+    speech: AlertLevel = "off"
+    """Alerts that are spoken."""
 
 
 class HeadlessOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -155,7 +162,7 @@ class Session:
         from gloc3_groundstation.tui.app import Opening, StationApp
 
         requested = self._options
-        async with self._ground() as ground:
+        async with self._ground() as ground, self._announcing(ground.station) as announcements:
             station = ground.station
             app = StationApp(
                 ground.desk(requested.plan, is_queue_kept=True, author=operator()),
@@ -168,6 +175,7 @@ class Session:
                     opens=options.opens,
                 ),
                 waiting_for=ground.links.describe,
+                announcements=announcements,
             )
             app.desk.keep = lambda: keep(app.configuration())
             if requested.problem:
@@ -201,6 +209,23 @@ class Session:
                 narrate(wording.farewell(station.fleet))
                 return app.return_code or int(options.is_closing)
             return end.exit_code
+
+    @asynccontextmanager
+    async def _announcing(self, station: Station) -> AsyncIterator[Announcements]:
+        """What announces alerts; a missing speech program is reported."""
+        bell, spoken = severity_of(self._options.bell), severity_of(self._options.speech)
+        warn = partial(station.note, "", Severity.WARNING)
+        program = None if spoken is None else find_program()
+        if program is None:
+            if spoken is not None:
+                warn(NONE_FOUND)
+            yield Announcements(bell=bell)
+            return
+        speech = Speech(program, warn)
+        try:
+            yield Announcements(bell=bell, speech=spoken, speak=speech.speak)
+        finally:
+            await speech.close()
 
     async def _work(self, run: Headless, ground: GroundStation, options: HeadlessOptions) -> RunOutcome:
         """What a run without a terminal is for."""

@@ -15,6 +15,7 @@ from gloc3.cli.narration import narrate
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.mission.examples import find_mission
 from gloc3.terrain import Terrain, open_terrain
+from gloc3_groundstation.announcing.announcements import AlertLevel
 from gloc3_groundstation.cli.run_output import RunOutput, print_json
 from gloc3_groundstation.cli.script import parse_command
 from gloc3_groundstation.corrections.source_url import parse_source
@@ -156,6 +157,12 @@ class StationOptions:
     terrain: Path | None = None
     """Folder with terrain tiles (SRTM .hgt or .hgt.zip), for missions with heights above the ground and the height
     profile of the map; none is downloaded. Default: that of the configuration file, else none."""
+    bell: AlertLevel | None = None
+    """Ring the terminal's bell for alerts of this severity and worse: off, critical, error or warning. Default: bell of the
+    configuration file, else off."""
+    speech: AlertLevel | None = None
+    """Speak such alerts with spd-say, espeak-ng, espeak or say, whichever is found first. Default: speech of the
+    configuration file, else off."""
     no_record: Annotated[bool, FLAG] = False
     """Record nothing. Otherwise events, all received messages (MCAP) and every MAVLink frame (.tlog) are kept in
     gloc3/station in the XDG state directory."""
@@ -273,6 +280,8 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         forward=tuple(configuration.forward if options.forward is None else options.forward),
         forward_both=tuple(configuration.forward_both if options.forward_both is None else options.forward_both),
         rtk=configuration.rtk if options.rtk is None else options.rtk,
+        bell=options.bell or configuration.bell,
+        speech=options.speech or configuration.speech,
     )
     ending = Ending()
     session = Session(setup, requested, ending)
@@ -396,6 +405,8 @@ def _check(options: StationOptions) -> None:
         raise Refused("--station-id must be from 200 to 255")
     if options.headless and options.web:
         raise Refused("--web shows the terminal in a browser; with --headless there is none")
+    if options.headless and (options.bell or options.speech):
+        raise Refused("--bell and --speech announce the terminal's alerts; with --headless there are none")
     has_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
     if not (options.headless or options.web or has_terminal):
         raise Refused("there is no terminal here; use --headless, or --web for a browser")

@@ -17,6 +17,7 @@ from tomlkit.exceptions import TOMLKitError
 
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.store import replace_file
+from gloc3_groundstation.announcing.announcements import AlertLevel
 from gloc3_groundstation.corrections.source_url import parse_source
 from gloc3_groundstation.joysticks.mapping import JoystickMapping
 
@@ -54,6 +55,10 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """Folder for downloads from vehicles; empty for the one in which the station was started."""
     terrain: str = ""
     """Folder of terrain tiles (SRTM .hgt or .hgt.zip); empty for none."""
+    bell: AlertLevel = "off"
+    """Alerts that ring the terminal's bell: those of this severity and worse."""
+    speech: AlertLevel = "off"
+    """Alerts that are spoken."""
     gamepad: str = ""
     """The device of a joystick for steering by hand, such as `/dev/input/js0`; empty for every joystick."""
     joysticks: Mapping[str, JoystickMapping] = {}

@@ -13,6 +13,7 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Input, TextArea
 
 from gloc3.messages.command_interface import EmergencyVerb
+from gloc3_groundstation.announcing.announcements import Announcements
 from gloc3_groundstation.desk.autopilot_desk import OFFERS
 from gloc3_groundstation.desk.desk import Desk, Move
 from gloc3_groundstation.desk.flights import End
@@ -85,6 +86,7 @@ class StationApp(App[End | None]):
         configuration: Configuration = Configuration(),  # noqa: B008 - immutable
         opening: Opening = Opening(),  # noqa: B008 - immutable
         waiting_for: Callable[[], str] = lambda: "the link",
+        announcements: Announcements | None = None,
     ) -> None:
         """Creates the terminal.
 
@@ -93,6 +95,7 @@ class StationApp(App[End | None]):
             configuration: its appearance, and the state of the last session.
             opening: how it opens and closes.
             waiting_for: text for the links that are open, shown while there is no contact with a platform.
+            announcements: speaks alerts, and says when the bell rings; None for neither.
         """
         is_monochrome = bool(os.environ.get("NO_COLOR"))
         driver = BrowserDriver if opening.is_in_browser else None
@@ -106,6 +109,7 @@ class StationApp(App[End | None]):
         self._is_monochrome = is_monochrome
         self._in_view = InView(opening.platform, configuration.session.platform)
         self._waiting_for = waiting_for
+        self._announcements = announcements
         self._opening = opening
         self._has_begun = desk.plan is None  # what is opened later is brought over when the operator says so
         self._was_possible: object = None
@@ -190,6 +194,8 @@ class StationApp(App[End | None]):
         """Updates the current screen from the present fleet; panels redraw only changes."""
         self._in_view.settle(self.desk.station.fleet, self.desk.station.now_s())
         view, base = self.view(), self.base
+        if self._announcements is not None and self._announcements.update(view.alerts, view.now_s):
+            self.bell()
         if base is not None:
             base.show(view)
         possible = view.moves, min(len(view.fleet.platforms), 2), bool(view.alerts.pending)

@@ -197,6 +197,8 @@ class Encounter(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it will pass close by soon, as both move now."""
     severity: Severity | None = None
     """Of the alert; None where it is none."""
+    alert_s: float = 0.0
+    """When it was last within the limits of that alert, on the station's clock."""
 
     def __str__(self) -> str:
         far = round(self.distance_m / 50.0) * 50 if self.distance_m >= 100.0 else 10 * round(self.distance_m / 10.0)

@@ -19,6 +19,10 @@ PASSES_M: Final = 500.0
 PASSES_WITHIN_S: Final = 60.0
 """...and within this time, s."""
 CLOSING_M_S: Final = 1.0
+KEEPS: Final = 1.2
+"""An alert lasts until its limits are exceeded by this factor..."""
+KEEPS_S: Final = 10.0
+"""...and for this time after that, s."""
 MOST_AHEAD_S: Final = 10.0
 """A position is moved on by its velocity for this time at most, s."""
 MOST_ENCOUNTERS: Final = 8
@@ -26,15 +30,27 @@ MOST_ENCOUNTERS: Final = 8
 
 
 def encounters_of(
-    platform: PlatformSnapshot, contacts: Iterable[TrafficContact], now_s: float
+    platform: PlatformSnapshot, contacts: Iterable[TrafficContact], now_s: float, before: Iterable[Encounter] = ()
 ) -> tuple[Encounter, ...]:
-    """The traffic near a vehicle, worst and nearest first; none while the vehicle's position is not known."""
+    """The traffic near a vehicle, worst and nearest first; none while the vehicle's position is not known.
+
+    Args:
+        platform: the vehicle.
+        contacts: all traffic.
+        now_s: the station's time.
+        before: encounters as they were; their alerts do not end at the limits where they begin.
+    """
     timed = platform.vehicle
     if timed is None or timed.value.geo is None or timed.is_stale(now_s) or platform.is_quiet_link(now_s):
         return ()
     plane = TangentPlane(GeoPoint(*timed.value.geo))
     own = velocity_ne_m_s(platform)
-    found = [one for contact in contacts if (one := _encounter(platform, plane, own, contact, now_s)) is not None]
+    alerts = {one.key: one for one in before if one.platform == platform.name and one.severity is not None}
+    found = [
+        one
+        for contact in contacts
+        if (one := _encounter(platform, plane, own, contact, alerts.get(contact.key), now_s)) is not None
+    ]
     found.sort(key=lambda one: (Severity.INFO if one.severity is None else one.severity, one.distance_m))
     return tuple(found[:MOST_ENCOUNTERS])
 
@@ -44,6 +60,7 @@ def _encounter(
     plane: TangentPlane,
     own_ne_m_s: tuple[float, float],
     contact: TrafficContact,
+    alert: Encounter | None,
     now_s: float,
 ) -> Encounter | None:
     altitude_m = plane.origin.altitude_m if contact.altitude_m is None else contact.altitude_m
@@ -59,8 +76,17 @@ def _encounter(
     square = vn * vn + ve * ve
     passes_s = -(north * vn + east * ve) / square if square > 0.0 else 0.0
     passes_m = hypot(north + passes_s * vn, east + passes_s * ve)
-    is_closing = closing_m_s > CLOSING_M_S and passes_s < PASSES_WITHIN_S and passes_m < PASSES_M
+    wider = 1.0 if alert is None else KEEPS
+    is_closing = (
+        closing_m_s > CLOSING_M_S / wider and passes_s < PASSES_WITHIN_S * wider and passes_m < PASSES_M * wider
+    )
     above_m = None if contact.altitude_m is None else -down
+    severity = _severity(distance_m, above_m, is_closing=is_closing, alert=alert) if platform.is_armed else None
+    alert_s = now_s
+    if alert is not None and platform.is_armed and now_s - alert.alert_s < KEEPS_S:
+        worst = alert.severity if severity is None else min(severity, alert.severity or severity)
+        if worst is not severity:
+            severity, alert_s = worst, alert.alert_s
     return Encounter(
         platform=platform.name,
         key=contact.key,
@@ -68,16 +94,21 @@ def _encounter(
         distance_m=distance_m,
         above_m=above_m,
         is_closing=is_closing,
-        severity=_severity(distance_m, above_m, is_closing=is_closing) if platform.is_armed else None,
+        severity=severity,
+        alert_s=alert_s,
     )
 
 
-def _severity(distance_m: float, above_m: float | None, *, is_closing: bool) -> Severity | None:
-    """By the limits above; traffic of unknown height counts as being at the vehicle's."""
+def _severity(
+    distance_m: float, above_m: float | None, *, is_closing: bool, alert: Encounter | None
+) -> Severity | None:
+    """By the limits above, wider for an alert that is on; traffic of unknown height counts as being at the vehicle's."""
     height_m = abs(above_m or 0.0)
-    if distance_m < NEAR_M and height_m < NEAR_HEIGHT_M:
+    wider = KEEPS if alert is not None and alert.severity is Severity.ERROR else 1.0
+    if distance_m < NEAR_M * wider and height_m < NEAR_HEIGHT_M * wider:
         return Severity.ERROR
-    if is_closing and distance_m < CLOSING_M and height_m < CLOSING_HEIGHT_M:
+    wider = 1.0 if alert is None else KEEPS
+    if is_closing and distance_m < CLOSING_M * wider and height_m < CLOSING_HEIGHT_M * wider:
         return Severity.WARNING
     return None
 

@@ -130,7 +130,8 @@ class Traffic:
 
     def _shown(self, fleet: Fleet, now_s: float) -> Fleet:
         contacts = tuple(self._contacts.values())
-        found = tuple(one for platform in fleet for one in encounters_of(platform, contacts, now_s)) if contacts else ()
+        before = fleet.encounters
+        found = tuple(one for platform in fleet for one in encounters_of(platform, contacts, now_s, before))
         if (contacts, found) == (fleet.traffic, fleet.encounters):
             return fleet
         return replace(fleet, traffic=contacts, encounters=found)

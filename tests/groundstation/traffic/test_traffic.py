@@ -20,7 +20,7 @@ from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.mapping.projection import Projection
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.snapshots import Encounter, PlatformSnapshot, Timed, TrafficContact
-from gloc3_groundstation.traffic.encounters import MOST_ENCOUNTERS, encounters_of
+from gloc3_groundstation.traffic.encounters import KEEPS_S, MOST_ENCOUNTERS, encounters_of
 from gloc3_groundstation.traffic.reports import TrafficReport, read_reports
 from gloc3_groundstation.traffic.traffic import KEPT_S, MOST_CONTACTS, MOST_FRAMES, Traffic
 from gloc3_groundstation.tui.views.mission.map import Chart, map_lines
@@ -187,6 +187,28 @@ def contact(
 def test_the_limits_of_alerts(met: TrafficContact, severity: Severity | None, text: str) -> None:
     [found] = encounters_of(vehicle(), [met], 100.0)
     assert (str(found), found.severity) == (text, severity)
+
+
+def test_an_alert_does_not_come_and_go_at_the_border_of_its_distance() -> None:
+    before: tuple[Encounter, ...] = ()
+
+    def met(north_m: float, now_s: float, *, is_armed: bool = True) -> Severity | None:
+        nonlocal before
+        heard = vehicle(is_armed=is_armed)
+        assert heard.vehicle is not None
+        heard = replace(heard, received_s=now_s, vehicle=replace(heard.vehicle, received_s=now_s))
+        hovers = contact(north_m, speed_m_s=0.0, received_s=now_s)
+        before = encounters_of(heard, [hovers], now_s, before)
+        return before[0].severity
+
+    seen = [met(500.0 + 40.0 * sin(0.3 * step), 100.0 + 0.1 * step) for step in range(400)]
+    first = seen.index(Severity.ERROR)
+    assert (set(seen[:first]), set(seen[first:])) == ({None}, {Severity.ERROR})
+    ended = [met(700.0, 140.0 + 0.1 * step) for step in range(200)]
+    assert ended.index(None) * 0.1 == pytest.approx(KEEPS_S, abs=0.2), "it is over once it has stayed away"
+    assert set(ended[ended.index(None) :]) == {None}
+    assert met(400.0, 161.0) is Severity.ERROR
+    assert met(400.0, 162.0, is_armed=False) is None
 
 
 def test_a_vehicle_on_the_ground_has_no_alerts_and_far_traffic_is_not_listed() -> None:

@@ -32,6 +32,8 @@ class LoadMission(RequestBody, frozen=True):
 
     name: str
     text: str
+    amends: str = ""
+    """Digest of the running mission that goes on by this text; empty where none does."""
 
 
 class ReadMission(RequestBody, frozen=True):

@@ -16,6 +16,8 @@ from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.reporting.lines import CommandData, NarrationLine, OrderData, ResultData
 from gloc3_groundstation.reporting.narration import ChangeNarrator
 from gloc3_groundstation.reporting.outcomes import RunOutcome, outcome_of
+from gloc3_groundstation.shared_missions.assigning import assigned
+from gloc3_groundstation.shared_missions.shared_flight import CrewOptions, Replacement, SharedFlight
 from gloc3_groundstation.station.snapshots import Fleet
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.wording import duration
@@ -27,6 +29,8 @@ POLL_PERIOD_S: Final = 1.0
 CATCH_UP_S: Final = 30.0
 """Time for which a run continues after its end to receive events from the time out of contact."""
 
+NO_CREW: Final = CrewOptions()
+
 Report = Callable[[NarrationLine], None]
 
 
@@ -34,7 +38,13 @@ class Headless:
     """One run of the station for scripts."""
 
     def __init__(
-        self, station: Station, report: Report, *, platform: str | None = None, is_taking_over: bool = False
+        self,
+        station: Station,
+        report: Report,
+        *,
+        platform: str | None = None,
+        crew: CrewOptions = NO_CREW,
+        is_taking_over: bool = False,
     ) -> None:
         """Creates a run.
 
@@ -42,12 +52,13 @@ class Headless:
             station: receives from and commands the platforms.
             report: called with each line of narration.
             platform: the one to command; None for the first one received.
+            crew: the vehicles for a mission with tasks for any platform.
             is_taking_over: takes control from another station without asking it.
         """
         self.is_taking_over: Final = is_taking_over
         self._station = station
         self._report = report
-        self._platform = platform
+        self._platform, self._crew = platform, crew
         self._narrator = ChangeNarrator(station.now_s(), station.fleet.utc_offset_s)
         self._reported: dict[str, tuple[bool, bool, float]] = {}
         """Platform to whether it was silent and overdue at its last progress line, and when that was."""
@@ -84,10 +95,7 @@ class Headless:
         station = self._station
         self._begin()
         try:
-            names = [
-                await self._found(wait_s, wanted or "", flights.await_platform(station, wanted))
-                for wanted in plan.platforms or (self._platform or plan.written_for or None,)
-            ]
+            names = await self._contacts(plan, wait_s)
             for name in names:
                 missing = await flights.await_ready(station, name, max(wait_s, flights.READY_WITHIN_S))
                 if missing:
@@ -95,6 +103,12 @@ class Headless:
             if self.is_taking_over:
                 for name in names:
                     await flights.take_over(station, name)
+            if plan.unassigned:
+                plan, found = assigned(station, plan, names, self._crew.files)
+                names = list(plan.platforms)
+                for share in found.shares:
+                    self.narrate(f"assigned to {share}")
+            shared = SharedFlight(station, plan, self._crew.files)
             try:
                 await flights.stream_to_all(station, names, plan, is_far_ok=is_far_ok)
             except FarAway as refusal:
@@ -103,7 +117,11 @@ class Headless:
             followers = await flights.start_all(station, names, override, author, wait_s)
             self._flying = names, station.now_s()
             self._send_due()
-            end = await flights.follow_all(station, followers)
+            if shared.is_shared:
+                shared.begin(followers)
+                end = await shared.follow(self._decide)
+            else:
+                end = await flights.follow_all(station, followers)
             used = duration(station.now_s() - began_s)
             await self._catch_up(names)
             reason = f" ({end.reason})" if end.reason else ""
@@ -115,6 +133,22 @@ class Headless:
             return end
         finally:
             self.close()
+
+    async def _contacts(self, plan: CheckedPlan, wait_s: float) -> list[str]:
+        """Waits for contact with the platforms of a mission."""
+        station, named = self._station, plan.platforms or (self._platform or plan.written_for or None,)
+        if plan.unassigned:
+            named = tuple(dict.fromkeys([*plan.platforms, *self._crew.names]))
+        if not named:
+            async with self._within(wait_s, ""):
+                return await flights.await_platforms(station)
+        return [await self._found(wait_s, one or "", flights.await_platform(station, one)) for one in named]
+
+    async def _decide(self, _: Replacement) -> bool:
+        """Whether the tasks of a vehicle that has dropped out go to the others; the events say which."""
+        if not self._crew.is_reassigning:
+            self.narrate("the others go on without these tasks; --reassign assigns them", Severity.WARNING)
+        return self._crew.is_reassigning
 
     async def do(
         self,
@@ -267,9 +301,15 @@ class Headless:
 
     async def _found(self, wait_s: float, wanted: str, contact: Awaitable[str]) -> str:
         """Waits for contact with a platform."""
+        async with self._within(wait_s, wanted):
+            return await contact
+
+    @asynccontextmanager
+    async def _within(self, wait_s: float, wanted: str) -> AsyncIterator[None]:
+        """The time for a contact, and what is said when it is over."""
         try:
             async with asyncio.timeout(wait_s):
-                return await contact
+                yield
         except TimeoutError:
             who = wanted or "a platform"
             others = ", ".join(platform.name for platform in self._station.fleet)

@@ -27,6 +27,7 @@ from gloc3_groundstation.cli.script import ScriptCommand, parse_command, read_li
 from gloc3_groundstation.desk.vehicle_commands import VehicleCommand
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.reporting.outcomes import RunOutcome, findings_of, outcome_of
+from gloc3_groundstation.shared_missions.shared_flight import CrewOptions
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.configuration import Configuration, unsaved_folder
@@ -51,6 +52,8 @@ class SessionOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Platform to command; None for the first one received."""
     plan: CheckedPlan | None = None
     """The selected mission."""
+    crew: CrewOptions = CrewOptions()
+    """Vehicles for it, where its tasks are for any platform."""
     configuration: Configuration = Configuration()
     """Appearance of the terminal, and its last position."""
     problem: str = ""
@@ -129,7 +132,11 @@ class Session:
         requested = self._options
         async with self._ground() as ground:
             run = Headless(
-                ground.station, output.line, platform=requested.platform, is_taking_over=options.is_taking_over
+                ground.station,
+                output.line,
+                platform=requested.platform,
+                crew=requested.crew,
+                is_taking_over=options.is_taking_over,
             )
             if requested.problem:
                 run.narrate(requested.problem, Severity.WARNING)
@@ -177,6 +184,7 @@ class Session:
                 waiting_for=ground.links.describe,
                 announcements=announcements,
             )
+            app.desk.crew.options = requested.crew
             app.desk.keep = lambda: keep(app.configuration())
             if requested.problem:
                 station.note("", Severity.WARNING, requested.problem)

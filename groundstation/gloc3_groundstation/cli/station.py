@@ -22,6 +22,7 @@ from gloc3_groundstation.corrections.source_url import parse_source
 from gloc3_groundstation.links.forwarding import check_forward
 from gloc3_groundstation.missions.plans import CheckedPlan, read_plan
 from gloc3_groundstation.reporting.outcomes import RunOutcome
+from gloc3_groundstation.shared_missions.shared_flight import CrewOptions
 from gloc3_groundstation.web.server import HOST, PORT, WebOptions
 
 if TYPE_CHECKING:
@@ -87,7 +88,11 @@ class StationOptions:
     platform: Annotated[list[str] | None, Parameter(negative=())] = None
     """The platform to command, by name; otherwise the one that the mission's header names, else the only one that is
     heard. With its platform file instead, the mission is checked by that file, too. With --do also the MAVLink system of a
-    vehicle without a companion; it may be given again then, and "all" means every vehicle that is heard."""
+    vehicle without a companion; it may be given again then, and "all" means every vehicle that is heard. May be given again
+    for a mission with tasks for any platform, too, which are assigned to these vehicles; default: to all that are heard."""
+    reassign: Annotated[bool, FLAG] = False
+    """With --headless and such a mission: when a vehicle drops out, assign the tasks that it leaves to the others.
+    Otherwise a warning says who could do them, and they stay undone; the terminal asks."""
     headless: Annotated[bool, FLAG] = False
     """No terminal: narrate on stderr. Without --mission it monitors until Ctrl-C."""
     json: Annotated[bool, FLAG] = False
@@ -234,7 +239,6 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         Gloc3Error: wrong use.
     """
     _check(options)
-    platform = options.platform[0] if options.platform else None
     modems = tuple(_modem(text) for text in options.acoustic or ())
     from gloc3_groundstation.cli.ending import Ending
     from gloc3_groundstation.cli.session import HeadlessOptions, Session, SessionOptions, TerminalOptions
@@ -252,7 +256,8 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         except Refused as refusal:
             problem = f"{problem}\n{refusal}".strip()
     plan: CheckedPlan | None = None
-    opens = ""
+    opens, named = "", options.platform or ()
+    platform = named[0] if len(named) == 1 else None
     if options.mission is not None:
         find_mission(options.mission)  # a name that nothing has is wrong use; what is wrong in a file is not
         try:
@@ -263,7 +268,9 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
                 output.findings(error.findings)
                 return RunOutcome.FAILED if options.headless else RunOutcome.FAILED.exit_code
             opens = options.mission
-    if options.at_contact and plan is not None and len(plan.platforms) > 1:
+    if len(named) > 1 and plan is not None and not plan.unassigned and not plan.platforms:
+        raise Refused("several --platform go with a --mission for several platforms")
+    if options.at_contact and plan is not None and (len(plan.platforms) > 1 or plan.unassigned):
         raise Refused("--at-contact goes with a mission for one platform")
     if options.mission is not None:
         is_file = Path(options.mission).is_file()
@@ -273,6 +280,7 @@ def _run(options: StationOptions, output: RunOutput) -> RunOutcome | int:
         urls=tuple(options.link or ([] if setup.network is not None else configuration.links)),
         modems=modems,
         platform=_name_of(platform),
+        crew=_crew(options),
         plan=plan,
         configuration=configuration,
         problem=problem,
@@ -355,6 +363,18 @@ def _read(mission: str, platform: str | None, terrain: Terrain | None) -> Checke
         return plan
 
 
+def _crew(options: StationOptions) -> CrewOptions:
+    """The vehicles for a mission with tasks for any platform.
+
+    Raises:
+        InputError: a platform file has mistakes.
+    """
+    named = options.platform or ()
+    names = tuple(filter(None, map(_name_of, named)))
+    files = tuple(name for name in named if Path(name).is_file())
+    return CrewOptions(names=names, files=files, is_reassigning=options.reassign)
+
+
 def _name_of(platform: str | None) -> str | None:
     """The name of a platform that was given by its name or file.
 
@@ -381,20 +401,24 @@ def _check(options: StationOptions) -> None:
         raise Refused("--override goes with --headless and a --mission; in the terminal it is the key o of the checks")
     if (options.start or options.exit_when_done) and options.mission is None:
         raise Refused("--start and --exit-when-done need a --mission")
-    if options.at_contact and not (is_flying and options.platform is not None):
+    if options.at_contact and not (is_flying and len(options.platform or ()) == 1):
         raise Refused("--at-contact goes with --headless, a --mission and a --platform")
     if (options.command or options.commands) and (not is_flying or options.at_contact):
         raise Refused("--command and --commands go with --headless and a --mission that is started")
     for text in options.command or ():
         parse_command(text)
-    if options.do and (not options.headless or options.mission is not None or options.platform is None):
+    if options.do and (not options.headless or options.mission is not None or not options.platform):
         raise Refused("--do goes with --headless and a --platform, and without a --mission")
     if options.do:
         _orders(options.do)
-    elif len(options.platform or ()) > 1 or options.platform == [EVERY]:
-        raise Refused("several --platform, and all, go with --do")
+    elif options.platform == [EVERY] or (len(options.platform or ()) > 1 and options.mission is None):
+        raise Refused(
+            "several --platform go with --do, or a --mission whose tasks are for any platform; all goes with --do"
+        )
     if options.far_away_ok and not (is_flying and not options.at_contact):
         raise Refused("--far-away-ok goes with --headless and a --mission that is started; the terminal asks")
+    if options.reassign and not is_flying:
+        raise Refused("--reassign goes with --headless and a --mission; the terminal asks")
     if options.take_over and not ((is_flying and not options.at_contact) or options.do):
         raise Refused("--take-over goes with --headless and a --mission that is started, or --do")
     if not 0.0 < options.within < float("inf"):

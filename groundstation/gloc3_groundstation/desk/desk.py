@@ -24,6 +24,7 @@ from gloc3_groundstation.joysticks.mapping import JoystickMapping
 from gloc3_groundstation.missions.first_waypoint import far_away
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.plug_ins import PlugIns
+from gloc3_groundstation.shared_missions.crew_desk import CrewDesk
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
@@ -84,6 +85,8 @@ class Desk:
         self.events: Final = events or EventsDesk(station)
         self.fleet: Final = FleetDesk(station, links)
         self.missions: Final = MissionDesk(station, plan)
+        self.crew: Final = CrewDesk(station, self.missions)
+        """Missions whose tasks are for any platform."""
         self.components: Final = ComponentDesk(station)
         self.services: Final = services or ServicesDesk(station)
         self.autopilots: Final = AutopilotDesk(station, self.services)
@@ -239,7 +242,8 @@ class Desk:
         async def begin() -> None:
             followers.update(await flights.start_all(self.station, crew, override, self._author if override else ""))
 
-        await self._do(name, "start", begin())
+        if await self._do(name, "start", begin()):
+            self.crew.watch(self.plan, followers)
         for one in crew:
             self.preflight.invalidate(one)
         return followers

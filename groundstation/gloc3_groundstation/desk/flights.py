@@ -108,6 +108,17 @@ async def await_platform(station: Station, name: str | None) -> str:
     return found[0]
 
 
+async def await_platforms(station: Station) -> list[str]:
+    """Waits for contact with platforms: the first one, and those that are heard within `OTHERS_S` of it."""
+
+    def in_contact() -> list[str]:
+        return [platform.name for platform in station.fleet if platform.has_companion and platform.is_known]
+
+    await until(station, lambda: bool(in_contact()))
+    await passed(OTHERS_S)
+    return in_contact()
+
+
 async def await_vehicle(station: Station, wanted: str | None) -> str:
     """Waits for contact with a vehicle, with or without a companion.
 

@@ -82,8 +82,8 @@ class Draft(msgspec.Struct, frozen=True, kw_only=True):
         return (*self.findings, *self.left_out)
 
     def plan(self) -> CheckedPlan | None:
-        """What is streamed; None while it may not fly."""
-        if self.outline is None or not self.is_ok:
+        """What is streamed; None while it may not fly, or its tasks are not assigned."""
+        if self.outline is None or not self.is_ok or self.outline.unassigned:
             return None
         untouched = self.made_of if self.text == self.kept_text else ""
         warnings = [msgspec.structs.replace(finding, is_warning=False) for finding in self.requested]
@@ -144,7 +144,7 @@ def checked(draft: Draft, platform: Platform | None, terrain: Terrain | None = N
     """The same, checked again; costs milliseconds, for a mission of thousands of waypoints seconds."""
     if draft.is_fixed:
         return draft
-    circumstances = Circumstances(platform=platform, known=known_platform, terrain=terrain)
+    circumstances = Circumstances(platform=platform, known=known_platform, terrain=terrain, is_assigned_later=True)
     try:
         carried = bundled(draft.text, Path(draft.path or draft.name))
     except InputError as error:

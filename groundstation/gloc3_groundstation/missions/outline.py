@@ -65,6 +65,8 @@ class Outline(msgspec.Struct, frozen=True, kw_only=True):
     """Of its text."""
     platforms: tuple[str, ...] = ()
     """Those that its tasks name, where it is for several."""
+    unassigned: tuple[str, ...] = ()
+    """Tasks for which no platform is chosen yet."""
     policies: Policies | None = None
     """None while only the names are known."""
     duration_s: float | None = None
@@ -99,6 +101,7 @@ def outline_of(report: CheckReport, capabilities: Mapping[str, Capability]) -> O
         stages=tuple(_stage(task, mission, figures, capabilities) for task in mission.tasks.values()),
         digest=digest_of(mission.text),
         platforms=mission.platforms,
+        unassigned=mission.unassigned,
         policies=mission.policies,
         duration_s=figures.duration_s if figures is not None else None,
         length_m=figures.length_m if figures is not None else None,

@@ -42,6 +42,8 @@ class CheckedPlan(msgspec.Struct, frozen=True, kw_only=True):
     """The other program's file that it was made of; empty for a mission file."""
     platforms: tuple[str, ...] = ()
     """Those that its tasks name, where it is for several; it is uploaded to all of them."""
+    unassigned: tuple[str, ...] = ()
+    """Tasks for which no platform is chosen yet; it cannot be uploaded until they are assigned."""
     written_for: str = ""
     """The platform that its header stands for; empty without one."""
     warnings: tuple[str, ...] = ()
@@ -70,7 +72,7 @@ def read_plan(
     if not path.is_file():
         raise Refused(f"there is no mission file {name!r}")
     known = known_platform(platform, components)
-    circumstances = Circumstances(platform=known, known=known_platform, terrain=terrain)
+    circumstances = Circumstances(platform=known, known=known_platform, terrain=terrain, is_assigned_later=True)
     is_foreign = is_plan_file(path)
     if is_foreign:
         plan = _plan(check_plan(path, circumstances).report)
@@ -175,6 +177,7 @@ def _plan(report: CheckReport) -> CheckedPlan:
         title=mission.name,
         text=mission.text,
         platforms=mission.platforms,
+        unassigned=mission.unassigned,
         written_for=named_platform(mission.platform),
         warnings=tuple(str(warning) for warning in warnings),
     )

@@ -238,8 +238,14 @@ class CommandClient:
 
     # --- what operators ask for most; all raise as `carry_out` does ---
 
-    async def upload(self, platform: str, name: str, text: str) -> None:
+    async def upload(self, platform: str, name: str, text: str, *, amends: str = "") -> None:
         """Streams a mission, reads it back and compares.
+
+        Args:
+            platform: its name.
+            name: of the mission's file.
+            text: the mission.
+            amends: digest of the running mission that goes on by this text; empty to load another mission.
 
         Raises:
             CheckFailed: the platform has found errors in it.
@@ -247,7 +253,7 @@ class CommandClient:
         """
         timeout_s = 3.0 * (TIMEOUT_S + len(text.encode()) / SLOWEST_BYTES_S)
         try:
-            await self.carry_out(platform, LoadMission(name=name, text=text), timeout_s)
+            await self.carry_out(platform, LoadMission(name=name, text=text, amends=amends), timeout_s)
         except Declined as refusal:
             raise CheckFailed(refusal.reply) if refusal.reply.text else refusal from None
         reply = await self.carry_out(platform, ReadMission(), timeout_s)

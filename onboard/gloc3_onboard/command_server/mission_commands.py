@@ -29,10 +29,12 @@ from gloc3.messages.preflight import PreflightReport, summary
 from gloc3.messages.summaries import EventReport
 from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
+from gloc3.mission.executing import amending
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.model import digest_of
 from gloc3.mission.model.states import ActionState
+from gloc3.mission.reading.reader import read_mission
 from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.mission_host import MissionHost
@@ -115,6 +117,8 @@ class MissionCommands:
     def load(self, request: CiRequest, body: LoadMission, now_s: float) -> CiReply | None:
         """Has a mission checked, and loads it."""
         executor = self.executor
+        if body.amends:
+            return self._amend(request, body, now_s)
         executor.refuse_running()  # before the check, which takes its time, and the vehicle is on its way
 
         def judge(report: CheckReport, at_s: float) -> CiReply | None:
@@ -130,6 +134,28 @@ class MissionCommands:
             return answer(request, text=findings)
 
         return self._checks.answer(request, body.text, body.name, self._circumstances(), judge, now_s)
+
+    def _amend(self, request: CiRequest, body: LoadMission, now_s: float) -> CiReply | None:
+        """Has what is left of another text of the running mission checked, and continues by it."""
+        executor = self.executor
+        circumstances = self._circumstances()
+        ended = amending.begun(amending.running(executor.board))
+
+        def judge(report: CheckReport, at_s: float) -> CiReply | None:
+            self._authority.control.require(request.sender)
+            program = amending.running(executor.board)
+            if digest_of(program.mission.text) != body.amends:
+                raise Refused("another mission is running than the one that this text amends")
+            findings = _lines(report.findings)
+            if not report.is_ok:
+                count = sum(not finding.is_warning for finding in report.findings)
+                return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
+            whole = read_mission(body.text, body.name, circumstances.surroundings())
+            executor.amend(whole, at_s)
+            return answer(request, text=findings)
+
+        left = replace(circumstances, ended=ended)
+        return self._checks.answer(request, body.text, body.name, left, judge, now_s)
 
     def read(self, request: CiRequest) -> CiReply:
         """The text of the loaded mission."""

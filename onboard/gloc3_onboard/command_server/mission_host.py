@@ -267,7 +267,10 @@ class MissionHost:
         """What the mission takes, for the comparison with its estimate."""
         snapshot = self._observing.snapshot
         if self.counts.program is not executor.mission:
-            self.counts = RequestCounts(executor.mission)
+            if self.counts.program is not None and self.counts.program.is_open:
+                self.counts.program = executor.mission  # the same flight by another text
+            else:
+                self.counts = RequestCounts(executor.mission)
         at = snapshot.pose.position_ned_m if snapshot.pose is not None and snapshot.is_pose_fresh(now_s) else None
         self.counts.update(at, snapshot.autopilot.battery_remaining if snapshot.autopilot is not None else -1.0, now_s)
 

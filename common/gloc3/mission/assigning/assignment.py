@@ -10,8 +10,9 @@ from typing import Any, Final
 
 from msgspec import structs
 
+from gloc3.documents.document import parse
 from gloc3.documents.document_edit import replaced, with_key
-from gloc3.errors import Finding, Refused
+from gloc3.errors import Finding, Gloc3Error, Refused
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.mission.assigning.search import ShareCost, Shares, divide
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
@@ -38,6 +39,8 @@ class AvailableVehicle:
     """Tasks of the mission that it has begun or ended, in their order: they stay its own."""
     running: tuple[str, ...] = ()
     """Those of them that it has not ended."""
+    kept: tuple[str, ...] = ()
+    """Further tasks that stay its own, whatever others could do."""
 
     @property
     def name(self) -> str:
@@ -163,6 +166,7 @@ class _Assigner:
             found = inspect_mission(self._text, self._file, replace(references, assigned=None, ended=frozenset()))
             if found.mission is not None:
                 self._missions[name] = found.mission
+        owners = {task: one.name for one in self._vehicles.values() for task in one.kept}
         candidates: dict[str, list[str]] = {}
         findings = list(whole.findings)
         for name, options in tasks.items():
@@ -171,7 +175,7 @@ class _Assigner:
             reasons = {
                 one: self._reason_against(vehicle, name)
                 for one, vehicle in self._vehicles.items()
-                if options.is_for(one)
+                if options.is_for(one) and owners.get(name, one) == one
             }
             candidates[name] = [one for one, reason in reasons.items() if not reason]
             if not candidates[name] and whole.mission.document is not None:
@@ -305,6 +309,20 @@ def with_assigned(text: str, assigned: Mapping[str, Sequence[str]]) -> str:
         return replaced(text, ("assigned",), written)
     except Refused:
         return with_key(text, (), "assigned", written)
+
+
+def written_assignment(text: str) -> tuple[dict[str, tuple[str, ...]], tuple[str, ...]]:
+    """The assignment in a mission's text, platform to its tasks, and the tasks whose platform is open without it."""
+    try:
+        document = parse(text, "mission")
+        written = document.value.get("assigned") if isinstance(document.value, dict) else None
+        without = replaced(text, ("assigned",), "{}") if written else text
+    except Gloc3Error:
+        return {}, ()
+    mission = check_text(without, "mission", Circumstances(is_assigned_later=True)).mission
+    names = written if isinstance(written, dict) else {}
+    assigned = {str(name): tuple(map(str, tasks)) for name, tasks in names.items() if isinstance(tasks, list)}
+    return assigned, mission.unassigned if mission is not None else ()
 
 
 def _in_order(candidates: Mapping[str, Sequence[str]], after: Mapping[str, Sequence[str]]) -> Iterator[str]:

@@ -247,7 +247,8 @@ def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterat
     known = sorted({*platform_files(), *([own.platform] if own is not None else [])})
     for name, task in mission.tasks.items():
         wanted = task.options.performer
-        if not wanted or wanted in known or (find is not None and find(wanted) is not None):
+        is_written = document.value["tasks"][name].get("platform") == wanted  # not chosen by an assignment
+        if not is_written or wanted in known or (find is not None and find(wanted) is not None):
             continue
         message = f"the platform {wanted!r} is not known here: what {name} needs is not checked"
         yield document.finding((*where_of(name), "platform"), message, nearest(wanted, known), is_warning=True)
@@ -256,7 +257,7 @@ def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterat
 def _unassigned(mission: Mission) -> Iterator[Finding]:
     """Tasks that several platforms may perform, and for which none is chosen."""
     for name in mission.unassigned if mission.document is not None else ():
-        hint = "gloc3 mission check FILE --platform A --platform B assigns them, and so does the station at the upload"
+        hint = "the key v of the station's mission screen assigns it; gloc3 mission check FILE --platform A --platform B shows how"
         message = f"no platform is chosen for {name}"
         yield mission.document.finding((*where_of(name), "platform"), message, hint)  # type: ignore[union-attr]
 

@@ -13,7 +13,7 @@ from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.messages.summaries import Cause, component_cause
-from gloc3.mission.executing import elsewhere, flow, manoeuvres, reactions, steering
+from gloc3.mission.executing import amending, elsewhere, flow, manoeuvres, reactions, steering
 from gloc3.mission.executing.assignments import Assignment
 from gloc3.mission.executing.board import BY_OPERATOR, SAFETY, Board, PolicyCondition
 from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
@@ -63,6 +63,11 @@ class MissionExecutor:
             self.board, mission, [program for name, program in self.board.programs.items() if name != MISSION]
         )
         self.board.program(MISSION, mission)
+        self.settle(now_s)
+
+    def amend(self, mission: Mission, now_s: float) -> None:
+        """Continues the running mission by another text; raises as `amending.amend`."""
+        amending.amend(self.board, mission, now_s)
         self.settle(now_s)
 
     def refuse_running(self) -> None:

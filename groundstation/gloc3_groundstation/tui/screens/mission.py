@@ -9,6 +9,7 @@ from textual.events import ScreenResume
 from textual.timer import Timer
 from textual.widgets import TextArea
 
+from gloc3.cli.counting import counted
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.model.states import ActionState
@@ -48,6 +49,9 @@ class MissionScreen(StationScreen):
     Start uploads the open mission first, if needed. Pause ends every motion in a hold; resume continues from there.
     Skip leaves out the item, and what follows it runs. Abort cancels, then runs the mission's on_failure policy.
 
+    Assign gives tasks for any platform to the vehicles in contact, in the mission's text. When one of them drops out, it
+    asks whether the others do its tasks.
+
     The text is checked while you type, for the vehicle in view. Plans of QGroundControl and waypoint files are
     converted to mission YAML when opened; a file name that ends in .plan or .waypoints exports the mission, after
     listing what such a file cannot hold. Single actions run outside the mission."""
@@ -67,6 +71,7 @@ class MissionScreen(StationScreen):
         Binding("w", "save_as", "Save as", tooltip="saves under another name, or exports (.plan, .waypoints)"),
         Binding("n", "new", "New", show=False, tooltip="creates a new mission"),
         Binding("c", "app.move('control')", "Control", tooltip="requests control of the vehicle in view"),
+        Binding("v", "assign", "Assign", tooltip="tasks for any platform, or those of a vehicle that has dropped out"),
         Binding("escape", "graph", "Graph", tooltip="back to the graph"),
         Binding("ctrl+s", "save", "Save", key_display="^s"),
         Binding("ctrl+n", "finding(1)", "Next finding", key_display="^n"),
@@ -113,6 +118,10 @@ class MissionScreen(StationScreen):
         waiting = self.desk.queue.of(name) if name is not None else []
         if waiting:
             line = (*line, Span(f"  {waiting[-1].plan.title!r} is queued for contact, x withdraws it", Tone.WARN))
+        elif self.desk.crew.question is not None:
+            line = (*line, Span(f"  {self.desk.crew.question.lost} has dropped out, v assigns its tasks", Tone.WARN))
+        elif draft is not None and draft.outline is not None and draft.outline.unassigned and not is_loaded:
+            line = (*line, Span(f"  {counted(len(draft.outline.unassigned), 'task')} to assign: v", Tone.WARN))
         self.panel("position").show([line])
         if self._is_text and draft is not None:
             text = self.query_one(MissionText)
@@ -131,6 +140,8 @@ class MissionScreen(StationScreen):
             is_loaded,
             is_at_hand,
             self._target,
+            self.desk.crew.has_unassigned,
+            self.desk.crew.question,
         )
         if possible != self._was_possible:
             self._was_possible = possible
@@ -142,7 +153,7 @@ class MissionScreen(StationScreen):
         if action in ("graph", "finding", "save"):
             is_possible = draft is not None and not draft.is_fixed if action == "save" else True
             return is_possible or None if self._is_text else False
-        if self._is_text and action in ("steer", "open", "text", "single", "other", "save_as", "new"):
+        if self._is_text and action in ("steer", "open", "text", "single", "other", "save_as", "new", "assign"):
             return False
         match action:
             case "steer":
@@ -153,6 +164,8 @@ class MissionScreen(StationScreen):
                 return (self.view is not None and self.view.platform is not None) or None
             case "other":
                 return self._has_other() or None
+            case "assign":
+                return self.desk.crew.has_unassigned or self.desk.crew.question is not None
         return True
 
     def action_withdraw(self) -> None:
@@ -247,6 +260,15 @@ class MissionScreen(StationScreen):
         then = self.desk.missions.after_abort(platform)
         question = ITEM_ABORT_QUESTION.format(target, name) if target else ABORT_QUESTION.format(name, then)
         self.app.push_screen(YesNoQuestion(question, "abort"), lambda answer: steer() if answer else None)
+
+    def action_assign(self) -> None:
+        """Assigns tasks for any platform; those of a vehicle that has dropped out after a confirmation."""
+        crew = self.desk.crew
+        if crew.question is None:
+            self.do(crew.assign(self._vehicle()))
+            return
+        question = YesNoQuestion(f"{crew.question}.\nAssign them to the others?", "assign", "leave them undone")
+        self.app.push_screen(question, lambda answer: crew.answer(is_agreed=bool(answer)))
 
     def action_other(self) -> None:
         """Shows the other mission."""

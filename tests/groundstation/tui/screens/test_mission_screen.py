@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.groundstation.scripted_platform import refused, reply_to
+from tests.groundstation.scripted_platform import ScriptedPlatform, refused, reply_to
 from tests.groundstation.station_scene import Scene, scene
 from textual.widgets import Input
 
@@ -12,6 +12,7 @@ from gloc3.messages.summaries import MissionSummary
 from gloc3.mission.examples import find_mission
 from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.desk.mission_desk import MissionDesk
+from gloc3_groundstation.shared_missions.shared_flight import CrewOptions, Replacement
 from gloc3_groundstation.store.configuration import Configuration, LastSession
 from gloc3_groundstation.tui.dialogues.mission_files import OpenMission, SaveMission, UnsavedQuestion
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
@@ -340,3 +341,60 @@ async def test_ctrl_c_copies_what_is_selected_in_the_editor_and_closes_without_a
         await here.press("right", "ctrl+c")
         await here.wait(lambda: here.app._exit)
         assert here.app.return_code == 130
+
+
+SHARED = """\
+mission: two sides
+frame: hold
+on_failure: land
+tasks:
+  up: {platform: each, actions: {go: {take_off: {height_m: 2}}}}
+  left: {platform: any, after: [up], actions: {go: {go_to: {position_m: [5, 3, 2]}}}}
+  right: {platform: any, after: [up], actions: {go: {go_to: {position_m: [5, -3, 2]}}}}
+  down: {platform: each, after: [left, right], actions: {end: {land: {}}}}
+"""
+
+
+async def test_tasks_for_any_platform_are_assigned_by_a_key_and_those_of_a_lost_vehicle_after_a_question(
+    tmp_path: Path,
+) -> None:
+    files = []
+    for name in ("heron", "gannet"):
+        file = tmp_path / f"{name}.yaml"
+        frames = "frames: {hold: {origin: {geo: [43.1, 9.2, 12.0]}}}"  # where the scripted vehicles stand
+        file.write_text(f"extends: pelican_rtk\nplatform: {name}\n{frames}\n")
+        files.append(str(file))
+    mission = tmp_path / "shared.yaml"
+    mission.write_text(SHARED)
+    async with scene(None) as here:
+        here.platform.speak()
+        other = ScriptedPlatform(here.exchange, "gannet")
+        other.speak()
+        here.app.desk.crew.options = CrewOptions(files=tuple(files))
+        await here.go("3")
+        await open_typed(here, str(mission))
+        await here.until("position", "2 tasks to assign: v")
+        assert here.app.desk.plan is None
+        here.platform.speak()
+        other.speak()
+        await here.press("v")
+        await here.wait(lambda: here.app.desk.plan is not None)
+        draft = missions(here).draft
+        assert draft is not None
+        assert draft.text.startswith(SHARED + "assigned: {heron: [")
+        assert here.app.desk.plan is not None
+        assert set(here.app.desk.plan.platforms) == {"heron", "gannet"}
+        crew = here.app.desk.crew
+        asked = here.platform.loop.create_task(
+            crew.request_answer(
+                Replacement(
+                    lost="gannet", reason="no message for 10 s", tasks=("right",), shares=("heron: left, right",)
+                )
+            )
+        )
+        await here.until("position", "gannet has dropped out, v assigns its tasks")
+        await here.press("v")
+        await here.wait(lambda: isinstance(here.app.screen, YesNoQuestion))
+        await here.press("y")
+        assert await asked
+        assert crew.question is None

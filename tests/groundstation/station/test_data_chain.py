@@ -35,6 +35,12 @@ def test_a_chain_that_is_whole_is_drawn_from_end_to_end() -> None:
     assert len(drawn(PLATFORM, width=60)[0]) <= 60
 
 
+def test_the_letters_and_signs_are_explained_where_there_is_room() -> None:
+    assert "SS sampler  DP processor  CC controller  AD driver  CI command interface" in drawn(PLATFORM, width=120)[1]
+    assert drawn(PLATFORM, width=200)[1].endswith("✕ faulty  · absent")
+    assert [len(drawn(PLATFORM, width=width)[1]) < width for width in (60, 80, 120, 200)] == [True] * 4
+
+
 def test_it_breaks_behind_a_required_component_that_hands_nothing_on() -> None:
     picture, text = drawn(with_states(pose=Health.FAULTY))
     assert picture == " SS ●●● ───▶ DP ✕◐ ─✕╌▷ CC ●●●●● ╌╌╌▷ AD ●● ╌╌╌▷ CI ●"

@@ -90,7 +90,7 @@ class FleetScreen(StationScreen):
         """Fills the panels."""
         vehicles, control, links = self.query_one("#vehicles", ListPanel), self.panel("control"), self._links
         marked = self._selection(is_marked_only=True)
-        self.panel("vehicles_header").show([fleet_header(vehicles.width)] if view.fleet.platforms else [()])
+        self.panel("vehicles_header").show([fleet_header(view, vehicles.width)] if view.fleet.platforms else [()])
         make = partial(fleet_line, view, marked=marked, width=vehicles.width)
         rows = self._kept.rows(vehicles, view, make, tuple(marked))
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])

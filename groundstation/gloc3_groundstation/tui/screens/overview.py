@@ -58,7 +58,7 @@ class OverviewScreen(StationScreen):
         self.query_one("#overview").set_class(self.size.width >= ROOMY, "-roomy")
         vehicles, snapshot, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
         alerts, events = self.panel("alerts"), self.panel("events")
-        self.panel("vehicles_header").show([vehicle_header(vehicles.width)] if view.fleet.platforms else [()])
+        self.panel("vehicles_header").show([vehicle_header(view, vehicles.width)] if view.fleet.platforms else [()])
         rows = self._kept.rows(vehicles, view, partial(vehicle_line, view, width=vehicles.width), view.alerts)
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
         if view.platform is not None and view.platform.name != self._seen:

@@ -82,6 +82,10 @@ class ConsolePane(ServicePane):
         self._last = rows[-1].key
         if follows and self._last:
             self.list.point_at(self._last)
+        line = self.query_one(ShellLine)
+        if line.display and not vehicle.console.is_open and ServiceKind.CONSOLE not in vehicle.jobs.running:
+            line.display = False  # the shell was refused: keys are commands again
+            self.list.focus()
 
     def choose(self, key: str) -> None:
         """Types a line."""

@@ -18,6 +18,11 @@ SIGNS: Final = {
     Health.FAULTY: "✕",
     None: "?",
 }
+LEGENDS: Final = (
+    "SS sampler  DP processor  CC controller  AD driver  CI command interface",
+    "● working  ◐ quiet  ○ standby, idle  ✕ faulty  · absent",
+)
+"""What the letters and the signs of the chain mean; shown as far as there is room."""
 MOST_SIGNS: Final = 8
 """Most components of a stage shown individually; a larger stage is shown as counts."""
 
@@ -47,7 +52,14 @@ def chain_lines(platform: PlatformSnapshot | None, wiring: Wiring | None, now_s:
         spans.append(Span(f"{stage.kind} ", Tone.STRONG if not stage.stops else Tone.BAD))
         spans += _signs(stage, signs)
     drawn = tuple(Span(span.text, Tone.STALE) for span in spans) if is_stale else tuple(spans)
-    return [drawn, _text(chain, wiring, components, width, is_stale=is_stale)]
+    return [drawn, _with_legend(_text(chain, wiring, components, width, is_stale=is_stale), width)]
+
+
+def _with_legend(line: Line, width: int) -> Line:
+    """A line with as much of the legend at its end as there is room for."""
+    room = width - sum(len(span.text) for span in line) - 4
+    shown = next((text for text in ("   ".join(LEGENDS), LEGENDS[0]) if len(text) <= room), "")
+    return (*line, Span(f"{shown:>{room + 3}}", Tone.DIM)) if shown else line
 
 
 def wiring_lines(wiring: Wiring | None, name: str, width: int) -> list[Line]:

@@ -12,7 +12,7 @@ from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, worst_span
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut
-from gloc3_groundstation.tui.widgets.tables import Column, table_of
+from gloc3_groundstation.tui.widgets.tables import Column, table_of, with_names
 
 COLUMNS: Final = (
     Column("", 3),
@@ -37,9 +37,14 @@ LINK_COLUMNS: Final = (
 )
 
 
-def fleet_header(width: int) -> Line:
+def columns_for(view: StationView, width: int) -> tuple[Column, ...]:
+    """The columns, of which that of the vehicles holds their names."""
+    return with_names(COLUMNS, "vehicle", (platform.name for platform in view.fleet), width)
+
+
+def fleet_header(view: StationView, width: int) -> Line:
     """The titles of the columns."""
-    return table_of(COLUMNS, width).header()
+    return table_of(columns_for(view, width), width).header()
 
 
 def fleet_line(view: StationView, platform: PlatformSnapshot, marked: Container[str], width: int) -> Line:
@@ -47,7 +52,7 @@ def fleet_line(view: StationView, platform: PlatformSnapshot, marked: Container[
     is_in_view = view.platform is not None and platform.name == view.platform.name
     mark = ("►" if is_in_view else " ") + (" ●" if platform.name in marked else "  ")
     tone = Tone.STRONG if is_in_view else Tone.TEXT
-    return table_of(COLUMNS, width).line(
+    return table_of(columns_for(view, width), width).line(
         [
             Span(mark, Tone.BUSY),
             Span(platform.name, tone),

@@ -1,6 +1,6 @@
 """The fleet at a glance: a line for each vehicle, details of the one in view, and the alerts."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from gloc3.clock import utc_text
@@ -15,7 +15,7 @@ from gloc3_groundstation.tui.views.components import HEALTH_TONES
 from gloc3_groundstation.tui.views.corrections import correction_rows
 from gloc3_groundstation.tui.views.mission.traffic import traffic_tone
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, cut, wrapped
-from gloc3_groundstation.tui.widgets.tables import Column, table_of
+from gloc3_groundstation.tui.widgets.tables import Column, table_of, with_names
 
 COLUMNS: Final = (
     Column("", 1),
@@ -53,9 +53,14 @@ SLOW_TRIP_S: Final = 1.0
 """Round trip from which the operator is warned of delayed keys."""
 
 
-def vehicle_header(width: int) -> Line:
+def columns_for(view: StationView, width: int) -> tuple[Column, ...]:
+    """The columns, of which that of the vehicles holds their names."""
+    return with_names(COLUMNS, "vehicle", (platform.name for platform in view.fleet), width)
+
+
+def vehicle_header(view: StationView, width: int) -> Line:
     """The titles of the columns."""
-    return table_of(COLUMNS, width).header()
+    return table_of(columns_for(view, width), width).header()
 
 
 def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> Line:
@@ -75,7 +80,7 @@ def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> L
         worst_span(platform, now_s),
         _alerts(view, platform),
     ]
-    return table_of(COLUMNS, width).line(cells)
+    return table_of(columns_for(view, width), width).line(cells)
 
 
 def waiting_lines(view: StationView) -> list[Line]:
@@ -87,13 +92,24 @@ def waiting_lines(view: StationView) -> list[Line]:
 
 def detail_lines(view: StationView, width: int = 38) -> list[Line]:
     """What is worth knowing of the vehicle in view, a fact a line, the most important first; wide, in two columns."""
-    facts = _facts(view)
-    if width < TWO_COLUMNS or not facts:
-        return facts
-    half = (len(facts) + 1) // 2
+    if width < TWO_COLUMNS:
+        return _wrapped(_facts(view), width)
     each = (width - 1) // 2
+    facts = _wrapped(_facts(view), each - 1)
+    half = (len(facts) + 1) // 2
     right = [*facts[half:], EMPTY][:half]
     return [(*_padded(line, each), *other) for line, other in zip(facts[:half], right, strict=True)]
+
+
+def _wrapped(facts: Iterable[Line], width: int) -> list[Line]:
+    """The same in lines that have room: what is long goes on in the next line."""
+    lines: list[Line] = []
+    for name, span in facts:
+        room = width - len(name.text)
+        texts = [span.text] if len(span.text) <= room else wrapped(span.text, room)
+        blank = Span(" " * len(name.text))
+        lines += [(blank if number else name, Span(text, span.tone)) for number, text in enumerate(texts)]
+    return lines
 
 
 def _padded(line: Line, width: int) -> Line:

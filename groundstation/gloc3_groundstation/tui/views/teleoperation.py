@@ -91,6 +91,6 @@ def _place_line(platform: PlatformSnapshot | None, now_s: float) -> Line:
     if motion is None:
         return (Span("depth and heading are not known", Tone.DIM),)
     height_m = motion.value.position_cm[2] / 100.0
-    what = f"depth {-height_m:.2f} m" if height_m < 0.0 else f"height {height_m:.2f} m"
+    what = f"depth {-height_m:.2f} m" if height_m < -0.05 else f"height {height_m:.2f} m"
     heading = motion.value.attitude_cdeg[2] / 100.0 % 360.0
     return (Span(f"{what}   heading {heading:03.0f}°", Tone.STALE if motion.is_stale(now_s) else Tone.STRONG),)

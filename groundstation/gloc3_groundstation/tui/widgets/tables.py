@@ -1,6 +1,6 @@
 """Tables as lines: columns keep their position, grow with the terminal, and are dropped in a given order."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -24,6 +24,26 @@ class Column(NamedTuple):
     """Aligned at the right, as numbers are."""
     most: int = 1000
     """Largest number of characters, so that related columns stay close together on wide terminals."""
+
+
+def with_names(columns: tuple[Column, ...], title: str, names: Iterable[str], width: int) -> tuple[Column, ...]:
+    """The columns with one as wide as its longest name, as far as those that are never dropped leave room for it.
+
+    Args:
+        columns: all of them.
+        title: of the column of names.
+        names: those that it is to hold.
+        width: characters of a line.
+    """
+    kept = [column for column in columns if column.rank == 0]
+    spare = width - 1 - sum(column.width for column in kept) - GAP * (len(kept) - 1)
+    longest = max(map(len, names), default=0)
+
+    def fitted(column: Column) -> Column:
+        wanted = min(longest, column.width + max(0, spare), column.most)
+        return column._replace(width=max(column.width, wanted))
+
+    return tuple(fitted(column) if column.title == title else column for column in columns)
 
 
 class FittedTable:

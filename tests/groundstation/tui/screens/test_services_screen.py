@@ -5,7 +5,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-from tests.groundstation.services.scripted_vehicle import Logs
+from tests.groundstation.services.scripted_vehicle import ARDUPILOT, Logs
 from tests.groundstation.services_scene import INFOS, NAME, ServicesScene, services_scene
 from tests.groundstation.station_scene import scene
 from textual.widgets import Input, Static
@@ -219,6 +219,16 @@ async def test_rates_calibration_and_what_is_refused_are_told_in_words() -> None
         await here.press("f")
         await here.press("escape")
         await here.until("job", "✗ listing the logs: cancelled")
+
+
+async def test_a_shell_that_is_refused_leaves_no_line_that_takes_the_keys() -> None:
+    async with services_scene(autopilot=ARDUPILOT) as here:
+        await here.tab("Console")
+        await here.press("o")
+        await here.until("job", "✗ ")
+        await here.wait(lambda: not here.app.screen.query_one("#console_line").display)
+        await here.press("1")
+        await here.until("facts", "control")
 
 
 async def test_without_a_link_to_the_autopilot_the_screen_says_so_and_the_palette_knows_its_keys() -> None:

@@ -143,13 +143,26 @@ def test_a_refusal_stands_above_every_screen_for_a_while() -> None:
 def test_each_vehicle_has_a_line_in_columns() -> None:
     egret = replace(PLATFORM, name="egret", mission=None)
     both = view(PLATFORM, egret)
-    rows = [text_of(vehicle_header(120)), *(text_of(vehicle_line(both, platform, 120)) for platform in both.fleet)]
+    rows = [
+        text_of(vehicle_header(both, 120)),
+        *(text_of(vehicle_line(both, platform, 120)) for platform in both.fleet),
+    ]
     assert rows[1].split() == [
         *("►", "heron", "HOLD", "disarmed", "97", "%", "ok", "running", "all", "13", "well", "none"),
     ]
     assert rows[2].split()[0] == "egret"
     for title, word in (("mode", "HOLD"), ("link", "ok"), ("components", "all")):
         assert {row.index(word) for row in rows[1:]} == {rows[0].index(title)}
+
+
+def test_names_have_the_room_that_there_is_and_the_columns_that_are_always_there_stay() -> None:
+    long = replace(PLATFORM, name="survey_vehicle_012")
+    for width in (80, 120, 200):
+        line = text_of(vehicle_line(view(long), long, width))
+        assert len(line) <= width
+        assert "97 %" in line
+        assert (long.name in line) == (width > 80), width
+        assert len(text_of(vehicle_header(view(long), width))) <= width
 
 
 def test_an_old_vehicle_state_is_shown_as_old() -> None:
@@ -170,6 +183,14 @@ def test_what_endangers_the_vehicle_stands_out() -> None:
     ]
 
 
+def test_a_detail_that_is_too_long_goes_on_in_the_next_line_and_loses_nothing() -> None:
+    ill = flying(pose_sources=["stereo", "laser"], pose_quality_percent=40)
+    for width in (38, 100):
+        lines = texts(detail_lines(view(ill), width))
+        assert all(len(line) <= width for line in lines)
+        assert "stereo + laser, quality 40 %" in " ".join(" ".join(lines).split())
+
+
 def test_an_unknown_position_and_battery_are_said_to_be_unknown() -> None:
     lines = "\n".join(texts(detail_lines(view(flying(battery_percent=-1, is_pose_valid=False)))))
     assert "battery   not known" in lines
@@ -183,7 +204,8 @@ def test_what_the_position_rests_on_is_told_with_its_quality() -> None:
         {"pose_sources": ["stereo", "laser"], "pose_quality_percent": 40},
         {"pose_quality_percent": -1},
     ):
-        (line,) = [line for line in detail_lines(view(flying(**changes))) if text_of(line).startswith(" from")]
+        lines = detail_lines(view(flying(**changes)), 60)
+        (line,) = [line for line in lines if text_of(line).startswith(" from")]
         text.append((text_of(line)[11:], line[-1].tone))
     assert text == [
         ("autopilot, quality 100 %", Tone.TEXT),

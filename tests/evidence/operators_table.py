@@ -34,6 +34,7 @@ TUI: Final = "groundstation/tui"
 SCREENS: Final = f"{TUI}/screens"
 KEYS: Final = f"{TUI}/test_bare_vehicle_journey.py"
 SITL: Final = f"{SERVICES}/test_services_with_sitl.py"
+PLACES: Final = f"{TUI}/test_rally_and_home_journey.py"
 EDIT: Final = f"{SCREENS}/test_map_edit.py"
 READINGS: Final = "groundstation/station/test_readings.py"
 FEATURES: Final = (
@@ -61,7 +62,7 @@ FEATURES: Final = (
     Feature(
         "plans uploaded, read back, compared and cleared",
         f"{SITL}::test_a_plan_is_uploaded_verified_downloaded_and_cleared",
-        "src/MissionManager/SurveyComplexItem.h",
+        "src/MissionManager/PlanMasterController.h",
         PLAN,
         "mavproxy_wp.py",
     ),
@@ -91,6 +92,19 @@ FEATURES: Final = (
         PLAN,
         "mavproxy_misseditor",
     ),
+    Feature(
+        "rally points edited on the map, uploaded and read back",
+        PLACES,
+        "src/MissionManager/RallyPointController.h",
+        PLAN,
+        "mavproxy_rally.py",
+    ),
+    Feature("home moved on the map", PLACES, GUIDED, FLY, "mavproxy_map"),
+    Feature(
+        "GPX routes as plans",
+        "groundstation/missions/test_plan_formats_of_plug_ins.py",
+        "src/MissionManager/PlanShapes/GPX/GpxPlanImporter.h",
+    ),
     Feature("a survey drawn on the map", EDIT, "src/MissionManager/SurveyComplexItem.h", "Grid/GridUI.cs"),
     Feature("go to a place on the map", EDIT, "src/FlyView/FlyViewMapClickDropPanel.qml", FLY, "mavproxy_mode.py"),
     Feature(
@@ -112,12 +126,17 @@ FEATURES: Final = (
         "estimator variances and vibration", READINGS, f"{FACTS}/VehicleVibrationFactGroup.h", "Controls/Vibration.cs"
     ),
     Feature("RC and radio signal strength", READINGS, f"{FACTS}/RadioStatusFactGroup.h", STATE),
-    Feature("flight time and distance home", f"{READINGS}::test_a_flight_is_timed_from_take_off_to_landing", "", STATE),
+    Feature(
+        "flight time and distance home",
+        f"{READINGS}::test_a_flight_is_timed_from_take_off_to_landing",
+        f"{FACTS}/VehicleFactGroup.h",
+        STATE,
+    ),
     Feature("battery in V, A and mAh", READINGS, f"{FACTS}/VehicleBatteryFactGroup.h", STATE, "mavproxy_battery.py"),
     Feature(
         "attitude indicator",
         "groundstation/tui/views/test_flight_data.py",
-        "",
+        "src/FlightMap/Widgets/QGCAttitudeWidget.qml",
         "ExtLibs/Controls/HUD.cs",
         "mavproxy_horizon.py",
     ),
@@ -125,7 +144,7 @@ FEATURES: Final = (
         "alerts that stay until they are acknowledged",
         f"{TUI}/test_terminal.py::test_an_alert_stands_on_every_screen_until_it_is_acknowledged",
     ),
-    Feature("speech", "", "", "Utilities/Speech.cs", "mavproxy_speech.py"),
+    Feature("speech", "", "src/Utilities/Audio/AudioOutput.h", "Utilities/Speech.cs", "mavproxy_speech.py"),
     Feature(
         "parameters edited within their bounds",
         f"{SCREENS}/test_services_screen.py::test_a_parameter_is_searched_edited_within_its_bounds_and_marked",
@@ -195,7 +214,13 @@ FEATURES: Final = (
         "Controls/MAVLinkInspector.cs",
         "mavproxy_messagerate.py",
     ),
-    Feature("firmware flashing", "", "", f"{CONFIG}/ConfigFirmwareManifest.cs", "mavproxy_firmware.py"),
+    Feature(
+        "firmware flashing",
+        "",
+        "src/Vehicle/VehicleSetup/FirmwareUpgradeController.h",
+        f"{CONFIG}/ConfigFirmwareManifest.cs",
+        "mavproxy_firmware.py",
+    ),
     Feature(
         "joysticks of any make",
         "groundstation/joysticks/test_readers.py",
@@ -204,8 +229,13 @@ FEATURES: Final = (
         "mavproxy_joystick",
     ),
     Feature(
-        "pictures of a camera",
+        "pictures of a camera in a terminal, as large as the link affords",
         f"{SCREENS}/test_sensors_screen.py::test_a_camera_is_shown_as_a_picture_at_a_size_that_the_link_affords",
+        "",
+    ),
+    Feature(
+        "pictures of a camera as pictures, in colour",
+        "groundstation/web/test_pictures.py",
         "src/VideoManager/VideoManager.h",
         "Controls/Video.cs",
         "mavproxy_cameraview.py",
@@ -235,7 +265,7 @@ FEATURES: Final = (
     Feature(
         "frames forwarded to another station",
         "groundstation/links/test_forwarding.py",
-        "",
+        "src/Comms/LinkManager.h",
         "Controls/SerialOutputPass.cs",
         "mavproxy_output.py",
     ),
@@ -261,7 +291,7 @@ FEATURES: Final = (
     Feature(
         "recording that other programs read",
         "groundstation/store/test_recording.py",
-        "",
+        "src/Comms/LogReplayLink.h",
         "Log/LogBrowse.cs",
         "mavproxy_log.py",
     ),
@@ -272,8 +302,8 @@ FEATURES: Final = (
         "Plugin/PluginLoader.cs",
         "mavproxy_example.py",
     ),
-    Feature("scripts", "commands/test_examples_of_scripts.py"),
-    Feature("a terminal of 80 x 24 over SSH", f"{TUI}/test_real_terminal_journey.py", "", "", "mavproxy_cmdlong.py"),
+    Feature("scripts", "commands/test_examples_of_scripts.py", "", "Script.cs"),
+    Feature("a terminal of 80 x 24 over SSH", f"{TUI}/test_real_terminal_journey.py", "", "", "../mavproxy.py"),
     Feature("browser, phone and touch", "groundstation/web/test_browser_journey.py"),
 )
 """In the order of a flight: before it, in the air, after it, and around it."""

@@ -9,14 +9,28 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 import pytest
+from tests.groundstation.browser_bars import HOLD, LAST_LINE, SIZES, ScreenSize, browsing
 from tests.groundstation.browser_journey import fly, freeze
 from tests.groundstation.chromium import found
+from tests.groundstation.web.test_web import served
 
 pytestmark = [
     pytest.mark.sockets,
     pytest.mark.flight,
     pytest.mark.skipif(found() is None, reason="no Chromium on PATH: apt-get install chromium"),
 ]
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+async def test_hold_and_the_last_line_of_the_terminal_are_on_the_screen(size: ScreenSize, tmp_path: Path) -> None:
+    async with served() as here, browsing(tmp_path, size) as browser:
+        await browser.open(here.url)
+        await browser.until("space HOLD")
+        assert await browser.evaluate(LAST_LINE)
+        button = await browser.evaluate(HOLD)
+        assert button is not None
+        assert button["isWhole"]
+        assert min(button["width"], button["height"]) >= 44.0
 
 
 async def test_an_operator_flies_in_a_browser(tmp_path: Path) -> None:

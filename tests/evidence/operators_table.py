@@ -144,7 +144,13 @@ FEATURES: Final = (
         "alerts that stay until they are acknowledged",
         f"{TUI}/test_terminal.py::test_an_alert_stands_on_every_screen_until_it_is_acknowledged",
     ),
-    Feature("speech", "", "src/Utilities/Audio/AudioOutput.h", "Utilities/Speech.cs", "mavproxy_speech.py"),
+    Feature(
+        "speech",
+        "groundstation/announcing/test_announced_in_a_terminal.py",
+        "src/Utilities/Audio/AudioOutput.h",
+        "Utilities/Speech.cs",
+        "mavproxy_speech.py",
+    ),
     Feature(
         "parameters edited within their bounds",
         f"{SCREENS}/test_services_screen.py::test_a_parameter_is_searched_edited_within_its_bounds_and_marked",
@@ -181,7 +187,7 @@ FEATURES: Final = (
     ),
     Feature(
         "calibration of RC and ESCs",
-        "",
+        f"{SERVICES}/test_radio_and_esc_calibration.py",
         "src/AutoPilotPlugins/Common/RadioComponent.qml",
         f"{CONFIG}/ConfigRadioInput.cs",
         "mavproxy_rcsetup.py",

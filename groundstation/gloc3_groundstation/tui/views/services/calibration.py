@@ -17,7 +17,7 @@ WHAT: Final = {
     CalibrationKind.MAGNETOMETER: "turn it about each axis, far from iron",
     CalibrationKind.LEVEL: "put the vehicle level, and keep it still",
     CalibrationKind.RADIO: "move the sticks of the transmitter",
-    CalibrationKind.ESC: "PROPELLERS OFF; connect the battery when told to",
+    CalibrationKind.ESC: "PROPELLERS OFF; connect the battery when told",
 }
 ESC_WARNING: Final = (
     "The motors get full throttle although the vehicle is disarmed. Take the propellers off, and hold the vehicle down. "

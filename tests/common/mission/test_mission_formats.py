@@ -182,6 +182,15 @@ PLAN: dict[str, Any] = {
 }  # fmt: skip
 
 
+def test_a_planned_home_without_an_altitude_is_left_out_with_a_warning() -> None:
+    plan = read_plan(changed("mission.plannedHomePosition", [47.0, 8.0, None]), "a.plan")
+    assert plan.home is None
+    (warning,) = plan.findings
+    assert warning.is_warning
+    assert warning.line > 0
+    assert warning.message == "the planned home has no altitude, and is left out"
+
+
 def changed(path: str, value: Any) -> str:
     """The plan with something else at a path."""
     plan = json.loads(json.dumps(PLAN))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from gloc3.documents.document import Where
-from gloc3.errors import InputError
+from gloc3.errors import Finding, InputError
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3.mission.formats.plan_source import SAVE_AGAIN, PlanSource, is_number, is_whole, number, whole
 
@@ -59,25 +59,34 @@ class _Reader:
         entries = [self._entry(item, ("mission", "items", index)) for index, item in enumerate(items)]
         fence, rally = self._fence(value.get("geoFence")), self._rally(value.get("rallyPoints"))
         lines = [self._source.line(where) for entry in entries if entry is not None for where in entry.places]
-        home = self._source.numbers(
-            mission.get("plannedHomePosition"), 3, ("mission", "plannedHomePosition"), is_optional=True
-        )
+        home, warnings = self._home(mission.get("plannedHomePosition"))
         plan = ForeignPlan(
             entries=tuple(entry.read for entry in entries if entry is not None),
             fence=fence,
             fence_return=self._return_point(value.get("geoFence")),
             rally=rally,
-            home=(home[0], home[1], home[2]) if home else None,
+            home=home,
             cruise_speed_m_s=number(mission, "cruiseSpeed"),
             hover_speed_m_s=number(mission, "hoverSpeed"),
             firmware_type=whole(mission, "firmwareType"),
             vehicle_type=whole(mission, "vehicleType"),
             raw=_without_own(value),
             lines=tuple(lines),
+            findings=tuple(warnings),
         )
         if self._source.findings:
             raise InputError(sorted(self._source.findings))
         return plan
+
+    def _home(self, value: Any) -> tuple[tuple[float, float, float] | None, list[Finding]]:
+        """The planned home, and a warning where QGroundControl did not know its altitude, which it writes as null."""
+        where = ("mission", "plannedHomePosition")
+        if isinstance(value, list) and len(value) == 3 and value[2] is None:
+            message = "the planned home has no altitude, and is left out"
+            hint = "open the plan in QGroundControl, move home a little, and save it again"
+            return None, [self._source.warning(where, message, hint)]
+        home = self._source.numbers(value, 3, where, is_optional=True)
+        return (home[0], home[1], home[2]) if home else None, []
 
     def _parts_alone(self, value: dict[str, Any]) -> ForeignPlan:
         """A fence or rally points without a mission."""

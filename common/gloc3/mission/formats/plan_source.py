@@ -51,6 +51,10 @@ class PlanSource:
         else:
             self.findings.append(document.finding(where, message, hint))
 
+    def warning(self, where: Where, message: str, hint: str) -> Finding:
+        """A warning about what is at a path."""
+        return Finding(file=self._file, line=self.line(where), message=message, hint=hint, is_warning=True)
+
     def line(self, where: Where) -> int:
         """Line of the value at a path; 0 in a file that is too large for it."""
         return self._document.node(where).line if self._document is not None else 0

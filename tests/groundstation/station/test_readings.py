@@ -31,7 +31,7 @@ def details(scene: Scene, name: str, now_s: float | None = None) -> dict[str, tu
         started_s=0.0,
         station="255",
     )
-    return {line[0].text.strip(): (line[1].text, line[1].tone) for line in detail_lines(view)}
+    return {line[0].text.strip(): (line[1].text, line[1].tone) for line in detail_lines(view, 70)}
 
 
 @pytest.mark.parametrize("has_companion", [False, True])

@@ -311,3 +311,11 @@ async def test_no_color_shows_no_colours_and_leaves_the_chosen_theme(monkeypatch
         styles = [segment.style for segment in title if segment.style is not None]
         assert {style.color.name for style in styles if style.color} <= {"default"}
         assert any(style.reverse and style.bold for style in styles), "an alarm is told by reverse"
+
+
+async def test_a_high_terminal_shows_all_details_of_the_vehicle() -> None:
+    async with scene(None, size=(80, 60)) as here:
+        here.platform.speak()
+        await here.until("facts", "utc")
+        facts = here.app.screen.query_one("#facts")
+        assert facts.size.height >= here.shown("facts").count("\n") + 1

@@ -26,6 +26,8 @@ from gloc3_groundstation.tui.widgets.vehicle_rows import VehicleRows
 
 ROOMY: Final = 170
 """Columns from which the vehicle's details have two columns."""
+HIGH: Final = 48
+"""Lines from which all of the details are shown."""
 
 
 class OverviewScreen(StationScreen):
@@ -55,7 +57,9 @@ class OverviewScreen(StationScreen):
 
     def show_view(self, view: StationView) -> None:
         """Fills the panels."""
-        self.query_one("#overview").set_class(self.size.width >= ROOMY, "-roomy")
+        grid = self.query_one("#overview")
+        grid.set_class(self.size.width >= ROOMY, "-roomy")
+        grid.set_class(self.size.height >= HIGH, "-high")
         vehicles, snapshot, mission = self.query_one(ListPanel), self.panel("facts"), self.panel("mission")
         alerts, events = self.panel("alerts"), self.panel("events")
         self.panel("vehicles_header").show([vehicle_header(view, vehicles.width)] if view.fleet.platforms else [()])

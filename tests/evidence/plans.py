@@ -29,18 +29,11 @@ from gloc3.platform.reader import load_platform
 from gloc3_groundstation.station.command_client import Declined
 
 LEAST: Final = 60
-FLOWN: Final = {"copter": 16, "rover": 8, "plane": 8, "vtol": 6}
-"""So many files are flown with each platform: the shortest, no content twice."""
 LEAST_FLOWN: Final = 30
 SOURCES: Final = "sources.txt"
 """Names the repositories of the files, with their commits; `collect_plans` writes it."""
-LONGEST_S: Final = 400.0
-"""Longest flight, and estimate of one."""
-COPTER: Final = """platform: other_copter
-extends: copter
-failsafes: {low_battery: {action: return, at: 0.1}}
-"""
-"""The copter, whose file says what the embedded autopilot is set to do by itself."""
+LONGEST_S: Final = 1200.0
+"""Longest flight; those with an estimate of up to 60 % of it are flown."""
 ENDED: Final = ("done", "failed", "aborted", "paused")
 
 
@@ -218,7 +211,7 @@ def flight(path: Path) -> str:
         card = Card(style, Path(folder))
         try:
             platform = vehicle(str(path))
-            card.begin(mission_of(path), platform=COPTER if platform == "copter" else platform)
+            card.begin(mission_of(path), platform=platform)
             card.until(lambda: card.state("mission") in ENDED, LONGEST_S, "the mission has ended")
             state = card.state("mission")
             reasons = [event.text for event in card.events if "fly" in event.text and "failed" in event.text]
@@ -282,18 +275,12 @@ def plans(progress: Progress) -> list[Figure]:
 
 
 def _chosen(fit: dict[Path, Any]) -> list[Path]:
-    """The files that are flown: those that are fit and end, the shortest of each class."""
-    left, found = dict(FLOWN), []
-    seen: set[str] = set()
-    for path in sorted(fit, key=lambda one: (fit[one]["duration_s"], str(one))):
-        facts, platform = fit[path], vehicle(str(path))
-        if facts["wrong"] or not facts["ends"] or facts["duration_s"] > 0.6 * LONGEST_S or facts["digest"] in seen:
-            continue
-        if left.get(platform, 0):
-            left[platform] -= 1
-            seen.add(facts["digest"])
-            found.append(path)
-    return found
+    """The files that are flown: those that are fit and end in time, no content twice."""
+    found: dict[str, Path] = {}
+    for path, facts in fit.items():
+        if not facts["wrong"] and facts["ends"] and facts["duration_s"] <= 0.6 * LONGEST_S:
+            found.setdefault(facts["digest"], path)
+    return sorted(found.values())
 
 
 BARS = (

@@ -80,6 +80,11 @@ def test_what_is_too_high_names_the_item_and_its_line() -> None:
     )
 
 
+def test_an_order_says_with_which_line_it_begins() -> None:
+    assert order_of(carried()).begins_with.startswith("item 1, NAV_")
+    assert ", line " in order_of(carried()).begins_with
+
+
 def test_the_plans_fence_is_the_missions_and_a_place_outside_it_is_found() -> None:
     plan = {
         "fileType": "Plan",

@@ -127,7 +127,10 @@ def check_readiness(board: Board, mission: Mission, replaced: MissionProgram | N
         at = "in the air" if isinstance(first, TakeOff) else "under way"
         raise Refused(f"the vehicle is already {at}, but the mission starts with a departure")
     if first is not None and not first.begins_flight and not board.is_airborne:
-        raise Refused("the vehicle is on the ground, but the mission does not begin with take_off, drive_off or dive")
+        found = f", but with {first.begins_with}" if first.begins_with else ""
+        raise Refused(
+            f"the vehicle is on the ground, and the mission does not begin with take_off, drive_off or dive{found}"
+        )
 
 
 def advance(board: Board, now_s: float) -> None:

@@ -105,6 +105,11 @@ class FlyFileOrder(Arguments, frozen=True, kw_only=True):
         return self.sets_off
 
     @property
+    def begins_with(self) -> str:
+        """The first item that moves the vehicle, with its line."""
+        return self.path[0].name if self.path else ""
+
+    @property
     def ends_flight(self) -> bool:
         """Whether it lands."""
         return self.comes_down

@@ -86,6 +86,11 @@ class Arguments(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return False
 
     @property
+    def begins_with(self) -> str:
+        """Its first part for people, such as an item of a plan; empty where its name says it all."""
+        return ""
+
+    @property
     def ends_flight(self) -> bool:
         """Whether the vehicle is on the ground and disarmed after it."""
         return False

@@ -26,6 +26,9 @@ from gloc3.mission.formats.items import ForeignPlan, MavItem
 from gloc3.mission.showing.plan_listing import plan_listing
 from gloc3.plan_wire import to_wire
 from gloc3.platform.reader import load_platform
+from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.flights import FarAway
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.command_client import Declined
 
 LEAST: Final = 60
@@ -200,6 +203,24 @@ def fitness(path: Path) -> dict[str, Any]:
     }
 
 
+def begun(card: Card, mission: str, platform: str) -> str:
+    """Starts a mission as an operator does, who confirms what the station asks; returns what that was."""
+    try:
+        card.begin(mission, platform=platform)
+    except FarAway as far:
+        card.run(confirmed(card))
+        return f" (after the question: {far})"
+    return ""
+
+
+async def confirmed(card: Card) -> None:
+    """Uploads and starts the mission although it begins far away."""
+    flown = card.flight
+    plan = CheckedPlan(name=flown.mission_file.name, title=flown.mission.name, text=flown.mission.text)
+    await flights.stream(flown.station, flown.name, plan, is_far_ok=True)
+    await flights.start(flown.station, flown.name)
+
+
 def flight(path: Path) -> str:
     """Flies it as it is on the embedded autopilot, in virtual time."""
     is_px4 = "px4" in str(path).lower() and vehicle(str(path)) in (
@@ -211,12 +232,12 @@ def flight(path: Path) -> str:
         card = Card(style, Path(folder))
         try:
             platform = vehicle(str(path))
-            card.begin(mission_of(path), platform=platform)
+            asked = begun(card, mission_of(path), platform)
             card.until(lambda: card.state("mission") in ENDED, LONGEST_S, "the mission has ended")
             state = card.state("mission")
             reasons = [event.text for event in card.events if "fly" in event.text and "failed" in event.text]
             armed = ", disarmed" if not card.autopilot.is_armed else ""
-            return f"{state} after {card.now_s:.0f} s{armed}" + (f": {reasons[0]}" if reasons else "")
+            return f"{state} after {card.now_s:.0f} s{armed}{asked}" + (f": {reasons[0]}" if reasons else "")
         except Declined as refusal:  # where it stands, home and its altitude are known
             lines = str(refusal).splitlines()
             return "refused by the vehicle: " + next((line for line in lines if "item" in line), lines[0])

@@ -4,12 +4,14 @@ It goes by rounds: every case of a round is drawn from what the rounds before ha
 same flights, in whichever order they are flown and on however many cores.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from random import Random
+from threading import Thread
 from typing import Final
 
 import msgspec
@@ -223,11 +225,23 @@ def _fly_one(case: FlightCase, kinds: Invariants) -> TrialResult:
     return TrialResult(case=case, broken=(broken,), processor_s=took_s)
 
 
+def _end_with_parent() -> None:
+    """Ends this worker when the process that began it ends, killed or not: otherwise it would wait for work for ever."""
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=watch, name="parent", daemon=True).start()
+
+
 @contextmanager
 def flying(jobs: int) -> Iterator[FlyAll]:
     """Gives a function that flies cases in as many processes."""
     if jobs <= 1:
         yield lambda cases, kinds: iter([_fly_one(case, kinds) for case in cases])
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_end_with_parent) as pool:
         yield lambda cases, kinds: pool.map(_fly_one, cases, [kinds] * len(cases))

@@ -19,6 +19,12 @@ from gloc3_sitl.faults.faults import TimedFault
 
 INVARIANTS: Final = "gloc3.invariants"
 """Entry points of invariants that packages bring: a name to `package.module:Class`."""
+ON_ROTORS: Final = ("quadrotor", "hexarotor", "vtol")
+"""Types of vehicles that fall over without an inertial unit."""
+BLIND_S: Final = 0.3
+"""So long they stay upright without it."""
+RECOVERS_S: Final = 8.0
+"""So long after that their autopilot needs to find level, and back."""
 
 
 class BrokenInvariant(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,6 +92,17 @@ class FlightFacts(NamedTuple):
             begin_s = fault.begin_s or 0.0
             if begin_s <= now_s <= begin_s + (fault.lasts_s or 0.0) + for_s:
                 return True
+        return False
+
+    def is_out_of_control(self, now_s: float) -> bool:
+        """Whether the only inertial unit of what flies on rotors is gone, or was of late: then nobody can steer it."""
+        if self.platform.vehicle.type not in ON_ROTORS:
+            return False
+        for fault in self.faults:
+            if fault.kind == "sensor" and fault.given.target == "imu" and fault.given.word in ("lost", "stuck"):
+                begin_s, lasts_s = fault.begin_s or 0.0, fault.lasts_s or 0.0
+                if lasts_s > BLIND_S and begin_s + BLIND_S <= now_s <= begin_s + lasts_s + RECOVERS_S:
+                    return True
         return False
 
     def has_corrupted(self, topic: str) -> bool:

@@ -29,23 +29,25 @@ class InsideFence(Invariant):
     name = "inside_fence"
     sentence = (
         "Under way the vehicle stays inside the mission's fence and below its ceiling, but for the distance in which it "
-        "stops; a pilot with the transmitter in hand may fly where he likes."
+        "stops; a pilot with the transmitter in hand may fly where he likes, and what flies on rotors without its only "
+        "inertial unit is not judged."
     )
 
     def __init__(self, facts: FlightFacts) -> None:
         super().__init__(facts)
         self._crossed_m_s: float | None = None
-        self._is_a_pilots_doing = False
+        self._is_excused = False
+        """Whether a pilot has flown it out, or nobody could steer it."""
 
     def observe(self, moment: TrueMoment) -> None:
         """Judges one moment."""
         fence = self.facts.mission.fence
         clearance_m = 0.0 if fence is None else fence.clearance_m(moment.position_ned_m)
         if clearance_m >= 0.0 or not moment.is_under_way:
-            self._crossed_m_s, self._is_a_pilots_doing = None, False
+            self._crossed_m_s, self._is_excused = None, False
             return
-        self._is_a_pilots_doing = self._is_a_pilots_doing or _is_pilots(moment)
-        if self._is_a_pilots_doing:
+        self._is_excused |= _is_pilots(moment) or self.facts.is_out_of_control(moment.t_s)
+        if self._is_excused:
             return
         if self._crossed_m_s is None:
             self._crossed_m_s = moment.speed_m_s
@@ -82,7 +84,7 @@ class PoseHonest(Invariant):
     name = "pose_honest"
     sentence = (
         f"A pose that says that it is valid is not farther off the truth than {SIGMAS:g} of its standard deviations for "
-        f"{DISHONEST_S:g} s; after a crash into the ground it is not judged any more."
+        f"{DISHONEST_S:g} s; after a crash into the ground it is not judged any more, nor while nobody can steer."
     )
     topics = ("pose",)
 
@@ -116,7 +118,7 @@ class PoseHonest(Invariant):
             self._waiting.append((envelope.t_s, envelope.payload))
 
     def _judge(self, t_s: float, pose: Pose) -> None:
-        if not pose.is_valid or self._has_crashed:
+        if not pose.is_valid or self._has_crashed or self.facts.is_out_of_control(t_s):
             self._since_s = None
             return
         found = self._truth_at(t_s)

@@ -30,9 +30,11 @@ WIDTH: Final = 120
 class Document:
     """A parsed file: its plain value, and the position of each part."""
 
-    def __init__(self, file: str, root: YamlNode) -> None:
+    def __init__(self, file: str, root: YamlNode, bases: tuple[Path, ...] = ()) -> None:
         self.file = file
         self.root = root
+        self.bases = bases
+        """Files that it extends, the nearest first."""
 
     @property
     def value(self) -> Any:
@@ -55,7 +57,7 @@ class Document:
         root.children.pop(key, None)
         if other in self.root.children:
             root.children[key], root.key_places[key] = root.children[other], root.key_places[other]
-        return Document(self.file, root)
+        return Document(self.file, root, self.bases)
 
     def finding(
         self, where: Where, message: str, hint: str = "", *, at_key: bool = False, is_warning: bool = False

@@ -76,7 +76,7 @@ def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
         root.put("components", _merged_rows(rows, changes, document, findings), own.key_places["components"])
     if findings:
         raise InputError(sorted(findings))
-    return Document(document.file, root)
+    return Document(document.file, root, (base_file, *base.bases))
 
 
 def _base_file(document: Document, where: YamlNode) -> Path:

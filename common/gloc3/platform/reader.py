@@ -1,7 +1,9 @@
 """Reads platform files: found by path or by the name of an installed one, checked, every finding with its place."""
 
 from collections.abc import Callable, Collection
+from itertools import starmap
 from pathlib import Path
+from typing import Final, NamedTuple
 
 from gloc3.documents import schema
 from gloc3.documents.document import Document, dump_rows, load_bytes, parse
@@ -9,6 +11,9 @@ from gloc3.errors import Finding, InputError, NotFound, nearest
 from gloc3.platform.bases import completed, installed_platforms, platform_files
 from gloc3.platform.check import findings_of
 from gloc3.platform.platform import Platform
+
+MOST_LOADED: Final = 64
+"""Platforms that are remembered."""
 
 
 def load_platform(
@@ -20,6 +25,8 @@ def load_platform(
 ) -> Platform:
     """Reads a platform by path, or by the name of one that an installed package brings; see `read_platform`.
 
+    While its files keep their content, further calls return the same platform.
+
     Raises:
         InputError: with everything that is wrong in it.
     """
@@ -27,7 +34,54 @@ def load_platform(
     if warn is not None:
         for finding in namesakes(name):
             warn(finding)
-    return read_platform(load_bytes(path), str(path), is_loading_classes=is_loading_classes, devices=devices, warn=warn)
+    known = _Loading(str(path), is_loading_classes, None if devices is None else tuple(devices))
+    data, loaded = load_bytes(path), _loaded.get(known)
+    if loaded is None or loaded.data != data or not all(starmap(_is_unchanged, loaded.bases.items())):
+        loaded = _load(known, data)
+        if len(_loaded) >= MOST_LOADED:
+            _loaded.clear()
+        _loaded[known] = loaded
+    if warn is not None:
+        for finding in loaded.warnings:
+            warn(finding)
+    return loaded.platform
+
+
+class _Loading(NamedTuple):
+    """A file to load, and what it is checked against."""
+
+    file: str
+    is_loading_classes: bool
+    devices: tuple[str, ...] | None
+
+
+class _Loaded(NamedTuple):
+    platform: Platform
+    warnings: list[Finding]
+    data: bytes
+    """Content of the file."""
+    bases: dict[Path, bytes]
+    """Content of the files that it extends."""
+
+
+_loaded: Final[dict[_Loading, _Loaded]] = {}
+"""Platforms that this process has loaded: a flight loads the same one several times."""
+
+
+def _load(known: _Loading, data: bytes) -> _Loaded:
+    document = read_document(data, known.file)
+    warnings: list[Finding] = []
+    platform = check_platform(
+        document, is_loading_classes=known.is_loading_classes, devices=known.devices, warn=warnings.append
+    )
+    return _Loaded(platform, warnings, data, {file: load_bytes(file) for file in document.bases})
+
+
+def _is_unchanged(file: Path, content: bytes) -> bool:
+    try:
+        return load_bytes(file) == content
+    except InputError:
+        return False
 
 
 def namesakes(name: str) -> list[Finding]:
@@ -127,8 +181,7 @@ def files_of(path: Path) -> list[Path]:
     Raises:
         InputError: one cannot be read.
     """
-    root = read_document(load_bytes(path), str(path)).root
-    return [path, *(Path(file) for file in sorted({node.file for node in root.descendants()} - {""}))]
+    return [path, *sorted(read_document(load_bytes(path), str(path)).bases)]
 
 
 def check_platform(

@@ -7,7 +7,7 @@ import pytest
 
 from gloc3.cli.program import run
 from gloc3.documents.document import parse
-from gloc3.errors import InputError
+from gloc3.errors import Finding, InputError
 from gloc3.platform import bases
 from gloc3.platform.bases import base_files, platform_files
 from gloc3.platform.reader import check_platform, load_platform, read_document, read_platform, whole_text
@@ -21,6 +21,10 @@ components:
   - {name: first, class: "a:First", rate_hz: 5, ports: {pose: one, home: two}, log: [x, y]}
   - {name: second, class: "a:Second", rate_hz: 5}
 """
+COMPLETE = BASE.replace(
+    "  wait:",
+    "  hold: {arguments: hold, performed_by: first, claims: [motion]}\n  return_home: {arguments: return_home, performed_by: first, claims: [motion]}\n  wait:",
+)
 OWN = """\
 platform: heron
 extends: base.yaml
@@ -183,3 +187,27 @@ def test_the_example_of_the_page_can_be_used(tmp_path: Path) -> None:
     platform = load_platform(str(tmp_path / "mine.yaml"), is_loading_classes=True)
     assert "fly_plan" not in platform.capabilities
     assert platform.component("autopilot_plan") is None
+
+
+def test_a_platform_is_read_again_only_when_one_of_its_files_changes(tmp_path: Path) -> None:
+    file = write(tmp_path, base=COMPLETE)
+    loaded = load_platform(str(file))
+    assert load_platform(str(file)) is loaded
+    assert [row.rate_hz for row in loaded.components] == [5.0, 5.0]
+    with pytest.raises(InputError):  # its classes do not exist
+        load_platform(str(file), is_loading_classes=True)
+    write(tmp_path, base=COMPLETE.replace("rate_hz: 5,", "rate_hz: 6,"))
+    assert [row.rate_hz for row in load_platform(str(file)).components] == [6.0, 5.0]
+    write(tmp_path, "components: [{name: second, rate_hz: 7}]\n", COMPLETE)
+    assert [row.rate_hz for row in load_platform(str(file)).components] == [5.0, 7.0]
+    (tmp_path / "base.yaml").unlink()
+    with pytest.raises(InputError):
+        load_platform(str(file))
+
+
+def test_the_warnings_about_a_platform_come_with_every_reading(tmp_path: Path) -> None:
+    file = write(tmp_path, "devices: {front: 'v4l2:///dev/video0'}\n", COMPLETE)
+    for _ in range(2):
+        warnings: list[Finding] = []
+        load_platform(str(file), warn=warnings.append)
+        assert [warning.message[:31] for warning in warnings] == ["no component uses a device 'fro"]

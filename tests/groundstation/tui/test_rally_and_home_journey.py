@@ -67,7 +67,7 @@ async def test_rally_points_are_set_dragged_uploaded_and_read_back_and_home_is_m
         assert second[1] < first[1], "it was dragged to the west"
         await here.press("delete")
         await here.wait(lambda: edit.points == (first,))
-        await here.press("ctrl+z")
+        await here.press("ctrl+z", "plus")
         await here.wait(lambda: edit.points == (first, second))
         await here.press("ctrl+s")
         await here.until("vehicles", "on the vehicle")

@@ -135,6 +135,7 @@ class RallyEdit(PlaceEdit):
         self._set(message="" if points is not None else "there is nothing to " + ("redo" if again else "undo"))
         if points is not None:
             self._drafts[self._name] = points
+            self._set(chosen=None, target_ne_m=None)  # it may not be there
 
     def upload(self) -> None:
         """Replaces the vehicle's rally points by these."""

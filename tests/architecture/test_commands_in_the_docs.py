@@ -12,7 +12,7 @@ import pytest
 pytestmark = pytest.mark.thorough
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 COMMAND = re.compile(r"`(gloc3 [^`]+)`|^(?:\$ )?(gloc3 .+)$", re.MULTILINE)
 BARS = "".join(file.read_text() for file in (ROOT / "tests/evidence").glob("*.py"))
 EVIDENCE = set(re.findall(r"(?:\bBar\(\s*(?:name=)?|^PAGE: Final = )\"([\w-]+)\"", BARS, re.MULTILINE))

@@ -60,7 +60,7 @@ def test_the_wheel_tells_its_extras_licence_and_entry_points(wheel: ZipFile) -> 
     for extra in ("groundstation", "sitl"):
         assert f"Provides-Extra: {extra}" in metadata
     assert f"Requires-Python: {project['requires-python']}" in metadata
-    assert f"{info}/licenses/LICENSE" in wheel.namelist()
+    assert {f"{info}/licenses/LICENSE", f"{info}/licenses/NOTICE"} <= set(wheel.namelist())
     points = wheel.read(f"{info}/entry_points.txt").decode()
     assert "gloc3 = gloc3.cli.start:main" in points
     assert all(f"[{group}]" in points for group in project["entry-points"])

@@ -113,7 +113,8 @@ class MotionHasOneOwner(Invariant):
         author = moment.mode_author
         if author == Author.PILOT and self._author != Author.PILOT:
             self._pilot_s = moment.t_s
-            self._is_ambiguous = self._behaviour is Behaviour.TAKE_OFF and moment.behaviour is Behaviour.HOLD
+            was_there = self._behaviour in (Behaviour.TAKE_OFF, Behaviour.HOLD)  # nobody sees that it was chosen
+            self._is_ambiguous = was_there and moment.behaviour is Behaviour.HOLD
         self._behaviour = moment.behaviour
         is_taken_back = author == Author.COMMAND and self._author == Author.PILOT and not self._is_ambiguous
         if is_taken_back and moment.is_under_way:

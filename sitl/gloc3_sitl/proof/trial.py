@@ -1,7 +1,7 @@
 """Flies a case in virtual time to its real end, and judges it."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,7 @@ from gloc3.messages.summaries import MissionSummary
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
 from gloc3_sitl.faults.fault_text import parse
-from gloc3_sitl.faults.faults import Injection, read_fault
+from gloc3_sitl.faults.faults import Injection, TimedFault, read_fault
 from gloc3_sitl.flight.flight import DEVICES, Flight
 from gloc3_sitl.flight.mission_file import read_mission_file
 from gloc3_sitl.flight.plan import FlightPlan
@@ -157,6 +157,7 @@ class _Trial:
                 f"{flight.name}/ci/mission", lambda envelope: self._note(envelope.payload, flight)
             )
             given_s = PATIENCE * mission.duration_s + flight.mission.policies.hold_s + WAY_BACK_S
+            given_s += self._endurance_s(faults)
             await self._to_the_end(flight, observer, given_s)
             recorder = flight.log.recorder
             loop = flight.loop
@@ -182,6 +183,14 @@ class _Trial:
                 changes_s=tuple(observer.changes_s),
                 story=tuple(str(line) for line in observer.story),
             )
+
+    def _endurance_s(self, faults: Sequence[TimedFault]) -> float:
+        """So long an autopilot that is left alone may hold: until its battery is low; 0 where it is not."""
+        power = self._platform.power
+        is_alone = any(
+            fault.kind == "cable_loss" and fault.given.number >= 1.0 and fault.lasts_s == inf for fault in faults
+        )
+        return 3600.0 * power.battery_wh / (power.hover_w + power.avionics_w) if is_alone and power is not None else 0.0
 
     def _note(self, summary: MissionSummary, flight: Flight) -> None:
         now_s = round(flight.loop.time(), 2)

@@ -144,5 +144,6 @@ def test_a_renamed_request_keeps_its_tag(monkeypatch: pytest.MonkeyPatch) -> Non
     class LoadPlan(RequestBody, frozen=True):
         name: str
         text: str
+        amends: str = ""
 
     assert msgspec.json.encode(LoadPlan(name="n", text="t")) == msgspec.json.encode(LoadMission(name="n", text="t"))

@@ -1,6 +1,5 @@
 """Vehicles of one mission with open tasks, in virtual time: their platform files, their places, and the way to its start."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from tests.flight.fleet_flight import FleetFlight
@@ -8,6 +7,7 @@ from tests.flight.fleet_flight import FleetFlight
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.mission.assigning.assignment import TaskAssignment
 from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.flights import Follower
 from gloc3_groundstation.missions.plans import read_plan
 from gloc3_groundstation.shared_missions.assigning import assigned
 from gloc3_groundstation.shared_missions.shared_flight import SharedFlight
@@ -71,16 +71,24 @@ class SharedMission:
         ]
         return FleetFlight(plans, stations)
 
-    async def begun(self, station: Station, names: Sequence[str] = ()) -> tuple[SharedFlight, TaskAssignment]:
+    async def start(self, station: Station) -> dict[str, Follower]:
+        """Waits for the vehicles, uploads a mission whose tasks all name their platform, and starts it."""
+        plan = read_plan(str(self.mission))
+        await self._ready(station)
+        await flights.stream_to_all(station, plan.platforms, plan)
+        return await flights.start_all(station, plan.platforms)
+
+    async def begun(self, station: Station) -> tuple[SharedFlight, TaskAssignment]:
         """Waits for the vehicles, assigns, uploads and starts."""
-        names = names or tuple(self.places)
-        for name in names:
-            await flights.await_platform(station, name)
-            assert not await flights.await_ready(station, name)
+        await self._ready(station)
         files = tuple(self.files.values())
-        first = read_plan(str(self.mission))
-        plan, found = assigned(station, first, names, files)
+        plan, found = assigned(station, read_plan(str(self.mission)), tuple(self.places), files)
         await flights.stream_to_all(station, plan.platforms, plan)
         flight = SharedFlight(station, plan, files)
         flight.begin(await flights.start_all(station, plan.platforms))
         return flight, found
+
+    async def _ready(self, station: Station) -> None:
+        for name in self.places:
+            await flights.await_platform(station, name)
+            assert not await flights.await_ready(station, name)

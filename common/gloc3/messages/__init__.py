@@ -10,6 +10,7 @@ __all__ = [
     "hosts",
     "link_traffic",
     "motion",
+    "neighbours",
     "perception",
     "preflight",
     "readiness",

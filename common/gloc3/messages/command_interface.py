@@ -141,8 +141,21 @@ class Emergency(RequestBody, frozen=True):
     """With disarm: the platform's name, typed."""
 
 
+class NearbyVehicle(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+    """Another vehicle in the air near a platform."""
+
+    name: str
+    geo: tuple[float, float, float]
+    """Latitude and longitude in degrees, altitude above mean sea level in metres."""
+    velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    age_s: float = 0.0
+    """Of its position, when the message arrives."""
+    is_traffic: bool = False
+    """Whether it is none of the station's vehicles: the platform gives way to it."""
+
+
 class Elsewhere(RequestBody, frozen=True):
-    """Progress of another platform in the mission that both have loaded; the holder of control passes it on.
+    """Progress of another platform in the same mission, or places of vehicles, passed on by the holder of control.
 
     It needs no answer: the next one, a second later at the latest, says more.
     """
@@ -155,6 +168,8 @@ class Elsewhere(RequestBody, frozen=True):
     """Of its mission: an `ActionState`."""
     tasks: dict[str, str] = {}
     """Its tasks' states."""
+    vehicles: list[NearbyVehicle] = []
+    """Instead of all that: the vehicles near the platform, for its limiter."""
 
 
 class Query(RequestBody, frozen=True):

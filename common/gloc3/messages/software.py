@@ -17,7 +17,7 @@ class Software(NamedTuple):
 
     version: str
     protocol: str
-    """Over the fixed parts of the types of all our topics, those of other packages left out."""
+    """Over the fixed parts of the types of all our topics, those of other packages and inner ones left out."""
 
     def __str__(self) -> str:
         return f"{self.version} ({self.protocol})"
@@ -28,7 +28,7 @@ def own_software() -> Software:
     """This end."""
     from gloc3.messages.standard_topics import TOPICS
 
-    names = sorted({type_name(row.message) for _, row in TopicTable(TOPICS)})
+    names = sorted({type_name(row.message) for _, row in TopicTable(TOPICS) if not row.is_inner})
     return Software(__version__, blake2s(",".join(names).encode(), digest_size=DIGEST_BYTES).hexdigest())
 
 

@@ -7,6 +7,7 @@ from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.messages.command_interface import CiReply, CiRequest, LogChunk
 from gloc3.messages.hosts import ClockAnswer, ClockQuestion, HostNames, HostPresence, HostStatus, HostSummary
 from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.neighbours import Neighbours, SeparationState
 from gloc3.messages.perception import (
     BottomVelocity,
     Features,
@@ -81,6 +82,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "manoeuvre_wanted/*": TopicRow(Manoeuvre, service=TopicService.COMMAND),
     "setpoint": TopicRow(Setpoint, 20.0, service=TopicService.CONTROL),
     "manoeuvre": TopicRow(Manoeuvre, service=TopicService.COMMAND),
+    "separation": TopicRow(SeparationState, is_inner=True),
     "direct_landing": TopicRow(Manoeuvre, service=TopicService.COMMAND),
     "action_status/*": TopicRow(ActionStatus, service=TopicService.COMMAND),
     "image_recorded": TopicRow(ImageRecorded),
@@ -93,6 +95,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "motion/limits": TopicRow(MotionLimits, is_latched=True),
     "motion/home": TopicRow(Home, is_latched=True),
     "motion/geofence": TopicRow(GeoFence, is_latched=True),
+    "neighbours": TopicRow(Neighbours, is_inner=True),
     "motion/emergency": TopicRow(EmergencyDisarm, service=TopicService.COMMAND),
     "motion/take_over": TopicRow(TakeOver, service=TopicService.COMMAND),
     "read_setup": TopicRow(ReadSetup),

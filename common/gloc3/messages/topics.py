@@ -65,6 +65,8 @@ class TopicRow(msgspec.Struct, frozen=True):
     """None is a stream for topics with a rate, and a report for others."""
     is_latched: bool = False
     """It holds a state, not an event: late subscribers get the last message."""
+    is_inner: bool = False
+    """The platform keeps it to itself, and ends without it still speak the same protocol."""
     most_hz: float = 0.0
     """Most messages a second that are received on one key from other processes, 1/s; 0 for no limit."""
 

@@ -319,6 +319,10 @@ class MotionLimits(Message, frozen=True):
     home_ned_m: Vector3 | None = None
     """Home, from which `height_min_m` and `height_max_m` count; None while it is not known: then only the fence's
     ceiling limits the height."""
+    separation_m: float = 0.0
+    """Least distance from other vehicles, to the side; 0 for none."""
+    separation_height_m: float = 1.0
+    """The same, up and down."""
 
 
 class GeoArea(msgspec.Struct, frozen=True, array_like=True):

@@ -45,6 +45,10 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
     wind_error_m: NotNegative | None = None
     """Farthest that this wind displaces it from its path; None: 0.01 m times the square of the wind's speed in m/s, as
     measured on the simulated Pelican."""
+    separation_m: NotNegative = 0.0
+    """Least distance from other vehicles in the air, to the side; 0: none is kept, and none is checked."""
+    separation_height_m: Positive | None = None
+    """The same, up and down; None: half of `separation_m`."""
     survey_height_m: Height | None = None
     """Default height of patterns above home: 0 on the ground or the water, negative for underwater vehicles."""
     survey_speed_m_s: Positive | None = None
@@ -84,6 +88,11 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
         """Distance that waypoints and legs keep from the fence, with the tracking error that the stated wind causes."""
         error_m = WIND_ERROR_S2_M * self.wind_m_s**2 if self.wind_error_m is None else self.wind_error_m
         return self.fence_margin_m + error_m
+
+    @property
+    def separation_up_m(self) -> float:
+        """Least distance from other vehicles, up and down; no matter where none is kept to the side."""
+        return self.separation_height_m or max(0.5 * self.separation_m, 0.5)
 
     def margin_text(self) -> str:
         """The margin, and how much of it is for the wind."""

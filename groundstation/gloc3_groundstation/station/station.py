@@ -9,6 +9,7 @@ from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages.command_interface import Elsewhere, Hello, ReadReports
 from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.motion import MotionSummary
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import CiEvent, ContactSummary, MissionSummary
 from gloc3.messages.vehicle import ObstacleScan
@@ -18,6 +19,7 @@ from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_groundstation.station.event_feed import EventFeed, FeedEvent, with_age
 from gloc3_groundstation.station.fleet_monitor import FleetMonitor
+from gloc3_groundstation.station.neighbours import NeighbourRelay
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 HELLO_EVERY_S: Final = 3.0
@@ -94,6 +96,7 @@ class Station:
         self._listeners: list[Listener] = []
         self._tasks: set[asyncio.Task[Any]] = set()
         self._relay = Relay(self.client)
+        self._neighbours = NeighbourRelay(self.client)
         self.feed: Final = feed or EventFeed()
         """Up to where the events of each platform have been shown."""
         self._requested_s: dict[str, float] = {}
@@ -151,6 +154,8 @@ class Station:
             self._add_platform(name, envelope.payload)
         self._show(name, self.feed.release(name, now_s))
         self._request_events(name, now_s)
+        if isinstance(envelope.payload, MotionSummary):
+            self._neighbours.pass_on(name, self.fleet, now_s, self.round_trip_s)
         if isinstance(envelope.payload, MissionSummary):
             self._relay.pass_on(name, envelope.payload, self.fleet)
         platform = self.fleet.get(name)

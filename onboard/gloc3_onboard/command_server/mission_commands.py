@@ -25,6 +25,7 @@ from gloc3.messages.command_interface import (
     Verb,
 )
 from gloc3.messages.envelope import Severity
+from gloc3.messages.frames import GeoPoint
 from gloc3.messages.preflight import PreflightReport, summary
 from gloc3.messages.summaries import EventReport
 from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
@@ -111,6 +112,11 @@ class MissionCommands:
     def is_ready(self) -> bool:
         """Whether there is an executor."""
         return self._host.executor is not None
+
+    @property
+    def origin(self) -> GeoPoint | None:
+        """Origin of NED; None while it is not known."""
+        return self._snapshot.origin
 
     # --- the loaded mission ---
 

@@ -43,6 +43,7 @@ from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.journal import Journal, answer
 from gloc3_onboard.command_server.mission_commands import MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost, MissionPorts, was_running
+from gloc3_onboard.command_server.neighbours import NeighbourPorts, NeighbourReports
 from gloc3_onboard.command_server.observing import Observing, ObservingPorts
 from gloc3_onboard.command_server.reporting import AT_ONCE_S, LONGEST_S, EventQueue, Reporting, ReportingPorts
 from gloc3_onboard.command_server.site import ServerSettings, Site
@@ -103,6 +104,7 @@ class RequestHandler:
         missions: carries out mission commands.
         components: carries out component commands.
         contacts: reports delivered to stations.
+        neighbours: other vehicles, for the limiter.
     """
 
     def __init__(
@@ -112,9 +114,11 @@ class RequestHandler:
         missions: MissionCommands,
         components: ComponentRequests,
         contacts: Contacts,
+        neighbours: NeighbourReports,
     ) -> None:
         self.missions: Final = missions
         self.components: Final = components
+        self.neighbours: Final = neighbours
         self._site, self._authority, self._contacts = site, authority, contacts
         self._journal = Journal(site.journal)
         self._urgent: list[_Urgent] = []
@@ -147,7 +151,10 @@ class RequestHandler:
             return self.components.forward_query(request, now_s)
         late = time_limit(request, now_s)
         if isinstance(request.body, Elsewhere):
-            if not late:
+            if request.body.vehicles:
+                if not late and request.sender == self._authority.control.holder:
+                    self.neighbours.receive(request.body.vehicles, self.missions.origin, now_s)
+            elif not late:
                 self.missions.elsewhere(request.sender, request.body, now_s)
             return None
         if isinstance(request.body, Preflight):
@@ -274,6 +281,7 @@ class CommandServer(CommandInterface[ServerSettings]):
     observed = ObservingPorts
     missions = MissionPorts
     reported = ReportingPorts
+    nearby = NeighbourPorts
 
     def __init__(self, site: Site) -> None:
         self.holder = self.policy = ""
@@ -291,7 +299,8 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._mission = MissionHost(site, self._observing, self._authority.control, self.settings, report)
         commands = MissionCommands(site, self._observing, self._authority, self._mission, report)
         components = ComponentRequests(self._observing, report)
-        self._requests = RequestHandler(site, self._authority, commands, components, contacts)
+        self._neighbours = NeighbourReports(site.platform.platform, report)
+        self._requests = RequestHandler(site, self._authority, commands, components, contacts, self._neighbours)
         self._reporting = Reporting(site, self.settings, self._events, contacts)
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
@@ -299,6 +308,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._events.now_s = now_s
         self._observing.observe(now_s, inbox)
         self._authority.observe(now_s, inbox)
+        self._neighbours.observe(inbox)
         self._reporting.observe(now_s, inbox)
         results: list[Result] = [*self._observing.supervise(now_s, inbox)]
         # what is asked for now is judged by what is known now
@@ -344,7 +354,7 @@ class CommandServer(CommandInterface[ServerSettings]):
                 results.append(MissionPorts.function.report(message, key=component))
         self._requests.components.messages.clear()
         commands = self._requests.missions
-        results += [*commands.disarms, *commands.gate.collect()]
+        results += [*commands.disarms, *commands.gate.collect(), *self._neighbours.collect()]
         commands.disarms.clear()
         return results
 

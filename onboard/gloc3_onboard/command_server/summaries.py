@@ -200,6 +200,8 @@ def motion_limits(platform: Platform, snapshot: VehicleState, executor: MissionE
         fence=fence,
         fence_margin_m=limits.margin_m,
         home_ned_m=snapshot.home_ned_m,
+        separation_m=limits.separation_m,
+        separation_height_m=limits.separation_up_m,
     )
 
 

@@ -56,6 +56,7 @@ from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
 from gloc3_onboard.command_server.mission_commands import MOST_FINDINGS, MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost
+from gloc3_onboard.command_server.neighbours import NeighbourReports
 from gloc3_onboard.command_server.observing import Observing
 from gloc3_onboard.command_server.server import RequestHandler
 from gloc3_onboard.command_server.site import Background, ServerSettings, Site
@@ -112,7 +113,8 @@ class Desk:
         self.host.executor = self.executor
         missions = MissionCommands(site, observing, authority, self.host, self.report)
         components = ComponentRequests(observing, self.report)
-        return RequestHandler(site, authority, missions, components, Contacts(site.reports))
+        neighbours = NeighbourReports(self.platform.platform, self.report)
+        return RequestHandler(site, authority, missions, components, Contacts(site.reports), neighbours)
 
     def report(self, _: Severity, text: str, /, *, cause: str = "") -> None:
         self.said.append(text)

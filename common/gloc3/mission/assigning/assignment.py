@@ -17,6 +17,7 @@ from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.mission.assigning.search import ShareCost, Shares, divide
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
 from gloc3.mission.checking.estimate import MissionEstimate, about, estimate
+from gloc3.mission.checking.separation_check import VehiclePath, separation_findings
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import EACH, Mission, where_of
 from gloc3.mission.model.structure import PartialOrder
@@ -253,6 +254,16 @@ class _Assigner:
         start_ned_m = around.start_ned_m or budget.home_ned_m
         return estimate(part, PartialOrder.of(part), start_ned_m, budget, vehicle.platform.power)
 
+    def _paths(self, chosen: Shares) -> Iterator[VehiclePath]:
+        """Where the vehicles go from now, in one NED."""
+        for name, vehicle in self._vehicles.items():
+            tasks = chosen.get(name, ())
+            part = self._part(vehicle, tasks) if name in self._missions else None
+            figures = self._figures(vehicle, tasks) if part is not None else None
+            if part is not None and figures is not None:
+                home = self._circumstances(vehicle, {}).home_ned_m
+                yield VehiclePath(name, part, figures, vehicle.platform.limits, home)
+
     def _share_cost(self, name: str, tasks: tuple[str, ...]) -> ShareCost:
         vehicle = self._vehicles[name]
         figures = self._figures(vehicle, tasks) if name in self._missions else None
@@ -293,6 +304,8 @@ class _Assigner:
                 reports[share.platform] = check_text(text, self._file, around)
             findings += _budget_finding(vehicle, share)
         whole = check_text(text, self._file, self._around)
+        if whole.mission is not None:
+            findings += separation_findings(list(self._paths(chosen)), whole.mission)
         for name in whole.mission.platforms if whole.mission is not None else ():
             if name not in self._vehicles and name not in self._ended:
                 reports[name] = check_text(text, self._file, replace(self._around, known=None, part=name))

@@ -21,6 +21,7 @@ from gloc3.mission.checking.option_check import (
     unkept_findings,
 )
 from gloc3.mission.checking.place_check import place_findings
+from gloc3.mission.checking.separation_check import VehiclePath, separation_findings
 from gloc3.mission.checking.space_check import (
     PlacedLeg,
     altitude_findings,
@@ -268,11 +269,17 @@ def _check_parts(
     """Checks a mission for several platforms, each part for its own; findings about a part name its platform."""
     findings = set(found)
     figures: list[MissionEstimate] = []
-    for name in mission.platforms:
-        known = circumstances.known(name) if circumstances.known is not None else None
-        part = check_text(data, file, replace(circumstances, platform=known, part=name))
+    paths: list[VehiclePath] = []
+    platforms = {name: circumstances.known(name) if circumstances.known else None for name in mission.platforms}
+    around = replace(circumstances, origin=circumstances.origin or _common_origin(mission, platforms.values()))
+    for name, known in platforms.items():
+        part = check_text(data, file, replace(around, platform=known, part=name))
         findings.update(part.findings)
         figures += [part.estimate] if part.estimate is not None else []
+        if known is not None and part.mission is not None and part.estimate is not None:
+            home = circumstances.home_ned_m
+            paths.append(VehiclePath(name, part.mission, part.estimate, known.limits, home))
+    findings.update(separation_findings(paths, mission))
     return CheckReport(
         file=file,
         findings=tuple(sorted(findings)),
@@ -280,6 +287,13 @@ def _check_parts(
         estimate=together(figures),
         order=PartialOrder.of(mission),
     )
+
+
+def _common_origin(mission: Mission, platforms: Iterable[Platform | None]) -> GeoPoint | None:
+    """One origin for platforms whose frames of the mission's name have different ones; None where they agree."""
+    frames = [one.local_frames().get(mission.frame) for one in platforms if one is not None]
+    origins = [frame.origin for frame in frames if frame is not None]
+    return origins[0] if len(set(origins)) > 1 else None
 
 
 def _path(mission: Mission, figures: MissionEstimate, circumstances: Circumstances) -> list[PlacedLeg]:

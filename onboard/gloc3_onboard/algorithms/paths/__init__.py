@@ -3,4 +3,12 @@
 Pure functions and small state machines in NED.
 """
 
-__all__ = ["floor_clearance", "motion_limits", "path_follower", "path_reference", "setpoint_gate", "wall_distance"]
+__all__ = [
+    "floor_clearance",
+    "motion_limits",
+    "path_follower",
+    "path_reference",
+    "separation",
+    "setpoint_gate",
+    "wall_distance",
+]

@@ -9,14 +9,18 @@ from gloc3.component.ports import Inbox, Input, Keep, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
+from gloc3.messages.neighbours import Neighbours, SeparationState
 from gloc3.messages.standard_topics import POSE_LATE_S, POSE_LOST_S
 from gloc3.messages.vehicle import Manoeuvre, ManoeuvreKind, MotionGrant, MotionLimits, ObstacleScan, Pose, Setpoint
 from gloc3_onboard.algorithms.mapping.movers import Movers
 from gloc3_onboard.algorithms.mapping.obstacle_field import ObstacleField
 from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter, careful_speed_m_s
+from gloc3_onboard.algorithms.paths.separation import Passage, SeparationRule
 from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S, SetpointGate
 
 _AT_REST: Final = (0.0, 0.0, 0.0)
+CLEAR_S: Final = 3.0
+"""So long nothing has slowed the vehicle down before another one is reported out of the way, s."""
 
 
 class LimiterSettings(Settings, frozen=True):
@@ -51,8 +55,10 @@ class Limiter(Controller[LimiterSettings]):
     limits = Input(MotionLimits)
     pose = Input(Pose)
     obstacles = Input(ObstacleScan)
+    neighbours = Input(Neighbours)
     setpoint = Output(Setpoint, frame="ned")
     manoeuvre = Output(Manoeuvre)
+    separation = Output(SeparationState)
 
     def __init__(self) -> None:
         self.clamped = self.foreign = self.stale = self.not_finite = 0
@@ -64,6 +70,10 @@ class Limiter(Controller[LimiterSettings]):
         self._seen_s = -math.inf
         self._limited_s = -math.inf
         """When a setpoint of the owner last passed; never, once a manoeuvre has."""
+        self._kept_away = SeparationState()
+        """What was reported last about other vehicles."""
+        self._kept_away_s = -math.inf
+        """When another vehicle last slowed this one down."""
         self._has_braked = False
         """Since the last pose that was not late."""
 
@@ -101,7 +111,7 @@ class Limiter(Controller[LimiterSettings]):
         braked = self._wait(owner, pose, now_s) if pose is not None and pose.payload.is_valid else []
         results += braked
         if wanted is not None and not braked:
-            results += self._limit(wanted, pose, now_s)
+            results += self._limit(wanted, pose, inbox.latest(self.neighbours), now_s)
         gate = self._gate
         self.foreign, self.stale, self.not_finite = gate.foreign, gate.stale, gate.not_finite
         return results
@@ -114,7 +124,13 @@ class Limiter(Controller[LimiterSettings]):
         soon = self._movers.add_scan(points, at, scan.t_s, pose.payload.reset_counter)
         self._limiter.obstacles = ObstacleField(points, at, self.settings.keep_m, soon)
 
-    def _limit(self, wanted: Envelope[Setpoint], pose: Envelope[Pose] | None, now_s: float) -> list[Result]:
+    def _limit(
+        self,
+        wanted: Envelope[Setpoint],
+        pose: Envelope[Pose] | None,
+        neighbours: Envelope[Neighbours] | None,
+        now_s: float,
+    ) -> list[Result]:
         if self._limiter is None:
             self.reason = "the limits are not known yet"
             return []
@@ -130,13 +146,49 @@ class Limiter(Controller[LimiterSettings]):
         self._limiter.careful_m_s = careful_speed_m_s(
             place.quality, settings.full_quality, settings.hold_quality, settings.careful_m_s
         )
+        passage, apart = self._passage(wanted.payload, place, neighbours, now_s)
+        self._limiter.careful_m_s = min(self._limiter.careful_m_s, apart)
         limited = self._limiter.limit(wanted.payload, wanted.t_s)
         self.clamped += limited.is_clamped
         self.reason = limited.reason
-        if limited.is_clamped and self._limiter.careful_m_s < math.inf:
+        if passage.name:
+            self.reason = f"it keeps away from {passage.name}, {passage.distance_m:.1f} m away"
+        elif limited.is_clamped and self._limiter.careful_m_s < math.inf:
             slow = f"no more than {self._limiter.careful_m_s:.2f} m/s" if self._limiter.careful_m_s else "it holds"
             self.reason = f"the pose quality is too low ({place.quality:.2f}): {slow}"
-        return [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
+        results: list[Result] = [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
+        results += self._separation_state(passage, now_s)
+        return results
+
+    def _separation_state(self, passage: Passage, now_s: float) -> list[SeparationState]:
+        """Reports a change; an end only after a while, since a vehicle that waits is let go and stopped again."""
+        last = self._kept_away
+        if passage.name:
+            self._kept_away_s = now_s
+        elif not last.name or now_s - self._kept_away_s < CLEAR_S:
+            return []
+        if (passage.name, passage.has_priority) == (last.name, last.has_priority):
+            return []
+        distance_m = round(passage.distance_m, 1) if passage.name else 0.0
+        self._kept_away = SeparationState(name=passage.name, distance_m=distance_m, has_priority=passage.has_priority)
+        return [self._kept_away]
+
+    def _passage(
+        self, wanted: Setpoint, place: Pose, neighbours: Envelope[Neighbours] | None, now_s: float
+    ) -> tuple[Passage, float]:
+        """What the other vehicles leave of a setpoint, and the speed that follows."""
+        assert self._limiter is not None
+        limits, others = self._limiter.limits, neighbours.payload.vehicles if neighbours is not None else ()
+        if not others or limits.separation_m <= 0.0:
+            return Passage(), math.inf
+        at, target = place.position_ned_m, wanted.position_ned_m
+        wish = wanted.velocity_ned_m_s or _AT_REST
+        if target is not None and (length_m := math.dist(target, at)) > 0.0:
+            speed = max(math.hypot(*wish), min(limits.speed_m_s, length_m)) / length_m
+            wish = (speed * (target[0] - at[0]), speed * (target[1] - at[1]), speed * (target[2] - at[2]))
+        rule = SeparationRule(limits.separation_m, limits.separation_height_m, 0.7 * limits.acceleration_m_s2)
+        passage = rule.passage(at, place.velocity_ned_m_s, wish, others, now_s)
+        return passage, passage.share * math.hypot(*wish) if passage.name else math.inf
 
     def _wait(self, owner: str, pose: Envelope[Pose], now_s: float) -> list[Result]:
         """Brings a vehicle that followed setpoints to rest while its late pose is waited for."""

@@ -12,6 +12,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3, wrap_pi, yaw_of
+from gloc3.messages.neighbours import SeparationState
 from gloc3.messages.standard_topics import POSE_LATE_S
 from gloc3.messages.vehicle import DriverState, HeightAboveGround, ObstacleScan, Pose, Setpoint
 from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder, ReturnHome
@@ -50,6 +51,8 @@ class WaypointsSettings(Settings, frozen=True):
     """Longest wait for the vehicle to come to a waypoint, before the action fails."""
     detour_s: Annotated[float, Bounds(0.0, 600.0)] = 15.0
     """Greatest extra waiting time for an obstacle in the path, in seconds."""
+    give_way_s: Annotated[float, Bounds(0.0, 3600.0)] = 60.0
+    """Greatest extra waiting time while the limiter keeps the vehicle away from another one, in seconds."""
     follow_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
     """Longest wait for the autopilot to follow the setpoints, before the action fails."""
     at_rest_m_s: Annotated[float, Bounds(0.01, 5.0)] = 0.2
@@ -81,6 +84,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
     keeps = frozenset({"acceptance_m", "hold_s", "altitude_m", "wall_distance_m"})
 
     obstacles = Input(ObstacleScan)
+    separation = Input(SeparationState)
     height = Input(HeightAboveGround)
 
     def __init__(self) -> None:
@@ -95,6 +99,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         self._points: list[tuple[float, float]] | None = None
         """Obstacle points; None without a scanner."""
         self._is_blocking, self._hindered_s = False, 0.0
+        self._kept_from, self._gave_way_s = "", 0.0
         self._passed = 0
         """Waypoints that an earlier attempt had passed."""
         self._yaw_rad = 0.0
@@ -121,6 +126,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
             order = replace(order, waypoints_ned_m=tuple((n, e, down_m) for n, e, _ in order.waypoints_ned_m))
         self._order = order
         self._is_blocking, self._hindered_s = False, 0.0
+        self._kept_from, self._gave_way_s = "", 0.0
         self._passed = self.passed(order, pose.position_ned_m)
         self._yaw_rad = yaw_of(pose.ned_from_frd)
         self._last_s = now_s
@@ -161,6 +167,8 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         self._range_m = (
             height.payload.height_m if height is not None and is_in_contact and height.payload.is_valid else None
         )
+        separation = inbox.latest(self.separation)
+        self._kept_from = separation.payload.name if separation is not None else ""
         results: list[Result] = []
         if self.is_running and self._reference is not None and self._order is not None:
             if self._pose is not None and self._pose.is_valid:
@@ -184,7 +192,9 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         count = len(order.waypoints_ned_m)
         progress = (self._passed + follower.progress * (count - self._passed)) / count
         self._hindered_s += (now_s - self._last_s) * self._is_blocking
+        self._gave_way_s += (now_s - self._last_s) * bool(self._kept_from)
         settle_s = self.settings.settle_s + min(self._hindered_s, self.settings.detour_s)
+        settle_s += min(self._gave_way_s, self.settings.give_way_s)
         left_s = 0.0 if self._floor is None else self._floor.left_s
         problem = reference.problem(settle_s + left_s, self.settings.follow_s)
         if self._wall is not None and self._wall.blind_s > self.settings.wall_s:
@@ -194,6 +204,7 @@ class WaypointsController(WaypointPerformer, Controller[WaypointsSettings]):
         self._turn(order.heading, target.bearing_rad, pose, now_s - self._last_s)
         if problem:
             why = ", an obstacle blocks the path" if self._is_blocking else ""
+            why += f", {self._kept_from} is in the way" if self._kept_from else ""
             self.advance(now_s, progress, ActionState.FAILED, f"{problem} ({self.cross_track_m:.2f} m away{why})")
         else:
             is_there = reference.is_there(order.acceptance_m) and left_s < SETTLED_S

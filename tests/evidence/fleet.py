@@ -1,114 +1,218 @@
-"""Several stations and several vehicles: in virtual time over many seeds, as processes, and a hundred at once."""
+"""Five vehicles in one survey for any platform, of which one is lost; and vehicles on crossing ways."""
 
+import asyncio
 import tempfile
 from functools import partial
+from math import dist
 from pathlib import Path
 
 import msgspec
-from tests.evidence.page import Bar, Figure, Progress
-from tests.flight.fleet_processes import ProcessesFound, run_processes
-from tests.flight.fleet_trial import Found, run_trial
-from tests.flight.many_vehicles import Cost, measure
+from tests.evidence.fleet_picture import draw_tracks
+from tests.evidence.page import PAGES, Bar, Figure, Progress
+from tests.flight import crossing
+from tests.flight.crossing import SEPARATION_M, tracks_of
+from tests.flight.shared_mission import SharedMission, at, block
 
-PLATFORMS, STATIONS = 5, 3
-SEEDS = 20
-RUNS = 4
-FULL_S = 5.0
-MANY, COMPONENTS = 100, 20
-SPAN_S = 30.0
+from gloc3.clock import VirtualLoop
+from gloc3.errors import Finding
+from gloc3.mission.assigning.assignment import AvailableVehicle, assign
+from gloc3.mission.checking.checker import Circumstances
+from gloc3.platform.reader import load_platform
+from gloc3_groundstation.shared_missions.shared_flight import LOST_AFTER_S, Replacement
+
+SIZE_M, SPEEDS = 8.0, (1.0, 2.0, 3.0)
+SHARED_PICTURE, CROSSING_PICTURE = "fleet_survey.svg", "fleet_crossing.svg"
+HOMES = {"alpha": (0.0, -40.0), "bravo": (0.0, -20.0), "charlie": (0.0, 0.0), "delta": (0.0, 20.0), "echo": (0.0, 40.0)}
+KINDS = {"bravo": "copter", "delta": "copter"}
+BLOCKS = {f"block_{row}{number}": (12.0 + 14.0 * row, 20.0 * number - 44.0) for row in range(2) for number in range(5)}
+PICTURES = "block_12"
+"""Its pictures are taken, too, which the copters cannot do."""
+LOST = ("echo", "bravo")
+"""The vehicle that is lost, in each run."""
 
 
-def _processes(seed: int) -> ProcessesFound:
+def survey_mission() -> str:
+    """Ten blocks of one survey for any platform; each vehicle departs and arrives for itself."""
+    tasks = []
+    for name, corner in BLOCKS.items():
+        more = ", shots: {record_images: {camera: ground, every_m: 2}, until: lines}" if name == PICTURES else ""
+        tasks.append(
+            f"  {name}: {{platform: any, after: [up], actions: {{lines: {block(*corner, size_m=SIZE_M)}{more}}}}}\n"
+        )
+    head = "mission: one survey\nframe: geo\non_failure: return\non_link_loss: continue\non_low_battery: land\ntasks:\n"
+    up = "  up: {platform: each, actions: {go: {take_off: {height_m: 4}}}}\n"
+    down = (
+        "  down: {platform: each, after: [NAMES], actions: {home: {return_home: {}}, end: {land: {}, after: [home]}}}\n"
+    )
+    return head + up + "".join(tasks) + down.replace("NAMES", ", ".join(BLOCKS))
+
+
+class Surveyed(msgspec.Struct):
+    """What came of a survey."""
+
+    lost: str
+    end: str
+    reason: str
+    assigned: dict[str, tuple[str, ...]]
+    left: tuple[str, ...] = ()
+    took_over: dict[str, tuple[str, ...]] = {}
+    decided_s: float = -1.0
+    flown: tuple[str, ...] = ()
+    """Blocks whose middle some vehicle has really passed within 3 m."""
+
+
+async def survey(lost: str, folder: Path, picture: Path | None) -> Surveyed:
+    """Flies it, and has the computer of a vehicle die in its first block."""
+    shared, asked = SharedMission(folder, survey_mission(), HOMES, KINDS), list[tuple[float, Replacement]]()
+    async with shared.fleet() as fleet:
+        station = fleet.grounds[0].station
+
+        async def agree(found: Replacement) -> bool:
+            asked.append((fleet.loop.time(), found))
+            return True
+
+        flight, found = await shared.begun(station)
+        follow = asyncio.ensure_future(flight.follow(agree))
+        first = found.assigned[lost][0]
+        await fleet.flights[lost].expect("ci/mission", lambda mission: mission.tasks.get(first) == "running", 120.0)
+        await asyncio.sleep(5.0)
+        fleet.flights[lost].process.kill()
+        killed_s = fleet.loop.time()
+        async with asyncio.timeout(900.0):
+            end = await follow
+        tracks = tracks_of(fleet)
+        killed = min(tracks[lost], key=lambda one: abs(one[0] - killed_s))[1]
+        tracks[lost] = [one for one in tracks[lost] if one[0] <= killed_s]
+        half_m = SIZE_M / 2.0
+        flown = tuple(
+            name
+            for name, (north, east) in BLOCKS.items()
+            if any(dist(at[:2], (north + half_m, east + half_m)) < 3.0 for track in tracks.values() for _, at in track)
+        )
+        if picture is not None:
+            areas = {name: (*corner, SIZE_M) for name, corner in BLOCKS.items()}
+            title = f"One survey by five vehicles; {lost} is lost, and others do its blocks (true paths)"
+            draw_tracks(picture, title, tracks, areas, {f"{lost} is lost": killed})
+    now_s, replaced = asked[0] if asked else (-1.0, None)
+    return Surveyed(
+        lost=lost,
+        end=end.state,
+        reason=end.reason,
+        assigned=found.assigned,
+        left=replaced.tasks if replaced else (),
+        took_over=dict(replaced.assigned) if replaced else {},
+        decided_s=round(now_s - killed_s, 1),
+        flown=flown,
+    )
+
+
+def flown_survey(number: int) -> Surveyed:
+    """One run."""
+    picture = PAGES / SHARED_PICTURE if number == 0 else None
+    with tempfile.TemporaryDirectory() as name, asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        return runner.run(survey(LOST[number], Path(name), picture))
+
+
+def crossed(speed_m_s: float, *, is_limited: bool) -> tuple[float, str]:
+    """The least distance by truth, and how the mission ended."""
+    limits = crossing.LIMITS if is_limited else ""
+    with tempfile.TemporaryDirectory() as name, asyncio.Runner(loop_factory=VirtualLoop) as runner:
+        found = runner.run(crossing.cross(Path(name), limits, speed_m_s=speed_m_s))
+    if is_limited and speed_m_s == SPEEDS[1]:
+        title = f"Crossing ways at {speed_m_s:g} m/s with {SEPARATION_M:g} m of separation (true paths)"
+        draw_tracks(PAGES / CROSSING_PICTURE, title, found.tracks, {}, {})
+    return found.nearest_m, found.end.state
+
+
+def _is_about_it(finding: Finding) -> bool:
+    return "alpha_across.go" in finding.message and "beta_across.go" in finding.message
+
+
+def proof() -> tuple[str, bool]:
+    """What the checker says of the crossing ways before the start, and whether its hint would do."""
     with tempfile.TemporaryDirectory() as name:
-        return run_processes(seed, Path(name), PLATFORMS)
+        shared = SharedMission(Path(name), crossing.crossing_mission(), crossing.HOMES, limits=crossing.LIMITS)
+        text = shared.mission.read_text()
+        vehicles = [
+            AvailableVehicle(platform=load_platform(file), home=at(*crossing.HOMES[one]))
+            for one, file in shared.files.items()
+        ]
+        after = text.replace("after: [beta_up]", "after: [beta_up, alpha_across]")
+        found, again = (
+            [
+                one
+                for one in assign(written, "crossing.yaml", vehicles, Circumstances()).report.findings
+                if _is_about_it(one)
+            ]
+            for written in (text, after)
+        )
+    first = next(iter(found), None)
+    return (f"{first.message} ({first.hint})" if first else "nothing"), bool(first) and not again
 
 
 def fleet(progress: Progress) -> list[Figure]:
-    """Figures of the three."""
-    trials = []
-    for seed in range(SEEDS):
-        progress.report(f"seed {seed}")
-        trials.append(
-            msgspec.convert(progress.part(f"trial {seed}", partial(run_trial, seed, PLATFORMS, STATIONS)), Found)
-        )
-    runs = [
-        msgspec.convert(progress.part(f"processes {seed}", partial(_processes, seed)), ProcessesFound)
-        for seed in range(RUNS)
-    ]
-    cost = msgspec.convert(progress.part("cost", partial(measure, MANY, STATIONS, SPAN_S)), Cost)
+    """Figures of both."""
     figures = []
-    for what, found in ((f"virtual time, {SEEDS} seeds", trials), (f"processes, {RUNS} runs", runs)):
-        wrong = [text for one in found for text in one.wrong]
-        late_s = [one.late_full_s for one in found]
-        ends = [one.mission for one in found]
-        hands = {way: sum(one.hand_overs[way] for one in found) for way in found[0].hand_overs}
+    for number, lost in enumerate(LOST):
+        progress.report(f"survey without {lost}")
+        one = msgspec.convert(progress.part(f"survey {number}", partial(flown_survey, number)), Surveyed)
+        name = f"survey, {lost} lost"
+        shares = "; ".join(f"{who}: {', '.join(tasks)}" for who, tasks in one.assigned.items())
+        more = {who: [task for task in tasks if task in one.left] for who, tasks in one.took_over.items()}
+        takers = "; ".join(f"{who}: {', '.join(tasks)}" for who, tasks in more.items() if tasks)
+        camera = [who for who, tasks in one.assigned.items() if PICTURES in tasks]
+        figures += [
+            Figure(f"{name}: assigned", shares, f"{PICTURES} to a vehicle with a camera", camera[0] not in KINDS),
+            Figure(
+                f"{name}: left, and taken over by",
+                f"{', '.join(one.left)}; {takers}",
+                "all",
+                sum(map(len, more.values())) == len(one.left) > 0,
+            ),
+            Figure(
+                f"{name}: from its last message to the new assignment",
+                f"{one.decided_s:.1f} s",
+                f"≤ {LOST_AFTER_S + 2.0:g} s",
+                0.0 <= one.decided_s <= LOST_AFTER_S + 2.0,
+            ),
+            Figure(
+                f"{name}: blocks that were really flown",
+                f"{len(one.flown)} of {len(BLOCKS)}",
+                "all",
+                len(one.flown) == len(BLOCKS),
+            ),
+            Figure(f"{name}: the mission", f"{one.end} ({one.reason})", "done", one.end == "done"),
+        ]
+    for speed in SPEEDS:
+        progress.report(f"crossing at {speed:g} m/s")
+        apart_m, end = progress.part(f"crossing {speed}", partial(crossed, speed, is_limited=True))
+        near_m, _ = progress.part(f"crossing {speed} unlimited", partial(crossed, speed, is_limited=False))
+        name = f"crossing ways at {speed:g} m/s: least distance by truth"
         figures += [
             Figure(
-                f"{what}: commands",
-                f"{sum(one.commands for one in found)}: {sum(one.accepted for one in found)} accepted, "
-                f"{sum(one.refused for one in found)} refused, {sum(one.unknown for one in found)} not known to the sender",
+                f"{name}, with a separation of {SEPARATION_M:g} m",
+                f"{apart_m:.2f} m, {end}",
+                f"≥ {SEPARATION_M:g} m, done",
+                apart_m >= SEPARATION_M and end == "done",
             ),
-            Figure(
-                f"{what}: control changed hands",
-                ", ".join(f"{number} {way}" for way, number in hands.items()),
-                "granted and taken over",
-                all(hands[way] for way in ("granted by its holder", "taken over")),
-            ),
-            Figure(
-                f"{what}: vehicles whose holder died, and that somebody else had after it",
-                f"{sum(one.crashed_holding for one in found)}, at least {min(one.crashed_holding for one in found)} in each",
-                "at least 1 in each",
-                all(one.crashed_holding for one in found),
-            ),
-            Figure(
-                f"{what}: a mission across two of the vehicles meanwhile",
-                ", ".join(f"{ends.count(end)} {end}" for end in sorted(set(ends))),
-                "done in each",
-                set(ends) == {"done"},
-            ),
-            Figure(
-                f"{what}: executed twice, by the wrong vehicle, or for who had no control",
-                "; ".join(wrong[:3]) or "none",
-                "none",
-                not wrong,
-            ),
-            Figure(
-                f"{what}: a station that comes late knows everything after",
-                f"{max(late_s):.1f} s at most" if min(late_s) >= 0.0 else "never",
-                f"under {FULL_S:g} s",
-                min(late_s) >= 0.0 and max(late_s) < FULL_S,
-            ),
+            Figure(f"{name}, without", f"{near_m:.2f} m", f"< {SEPARATION_M:g} m", near_m < SEPARATION_M),
         ]
-    figures += [
-        Figure(
-            f"{MANY} vehicles of {cost.components} components and {STATIONS} stations on one clock: each vehicle, with its "
-            "physics and autopilot, costs",
-            f"{cost.per_platform_ms:.0f} ms of processor time a second of its own",
-            f"{COMPONENTS} components",
-            cost.components >= COMPONENTS,
-        ),
-        Figure(
-            "platforms that each station knows everything of, at the end",
-            ", ".join(str(count) for count in cost.known),
-            f"{MANY} each",
-            all(count == MANY for count in cost.known),
-        ),
-        Figure("memory of all together", f"{cost.memory_mb:.0f} MB"),
-    ]
+    said, is_solved = proof()
+    figures.append(Figure("what the checker says before the start", said, "an error whose hint would do", is_solved))
     return figures
 
 
 BARS = (
     Bar(
         "fleet",
-        "Three stations and five vehicles",
-        "Three stations command five vehicles at once, each command with a number of its own by which it is known again "
-        "where it arrives, and for three of the vehicles they ask for control, grant, refuse, release and take it at random, over "
-        "radios that lose one frame in ten, repeat and reorder (in virtual time; as processes, over UDP on loopback), while a "
-        "fourth flies the other two by one mission. A station dies while it holds control (as a process, by SIGKILL); another comes "
-        "late; the computer of one vehicle dies and comes back (in virtual time). The vehicles' own records are compared with what "
-        "the stations were told. And a hundred whole vehicles on one virtual clock.",
+        "Five vehicles in one survey, and vehicles on crossing ways",
+        "Five vehicles of two kinds fly one mission whose ten blocks say `platform: any`: the station assigns them by capability, place and "
+        "budget, and has each part checked. The companion computer of one vehicle dies in its first block; the station assigns what it "
+        "leaves to the others, which go on by the new text in flight. And two vehicles fly across each other's way at the same height "
+        "and time, with and without a separation in their platform files. Whole stacks in virtual time; distances and blocks are those "
+        "of the simulated truth.",
         fleet,
-        seeds=f"0 to {SEEDS - 1}, 0 to {RUNS - 1}",
+        seeds="0 to 4, one for each vehicle",
+        pictures=(SHARED_PICTURE, CROSSING_PICTURE),
     ),
 )

@@ -21,6 +21,8 @@ INVARIANTS: Final = "gloc3.invariants"
 """Entry points of invariants that packages bring: a name to `package.module:Class`."""
 ON_ROTORS: Final = ("quadrotor", "hexarotor", "vtol")
 """Types of vehicles that fall over without an inertial unit."""
+GONE: Final = ("lost", "stuck", "old")
+"""What an inertial unit may do that leaves nothing to fly by."""
 BLIND_S: Final = 0.3
 """So long they stay upright without it."""
 RECOVERS_S: Final = 8.0
@@ -99,7 +101,7 @@ class FlightFacts(NamedTuple):
         if self.platform.vehicle.type not in ON_ROTORS:
             return False
         for fault in self.faults:
-            if fault.kind == "sensor" and fault.given.target == "imu" and fault.given.word in ("lost", "stuck"):
+            if fault.kind == "sensor" and fault.given.target == "imu" and fault.given.word in GONE:
                 begin_s, lasts_s = fault.begin_s or 0.0, fault.lasts_s or 0.0
                 if lasts_s > BLIND_S and begin_s + BLIND_S <= now_s <= begin_s + lasts_s + RECOVERS_S:
                     return True

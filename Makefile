@@ -12,7 +12,7 @@ SECONDS ?= 60
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit check bench fuzz evidence schema docs lock clean
+.PHONY: demo test unit check bench fuzz evidence schema docs site lock clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
@@ -43,8 +43,11 @@ schema: $(READY)  ## the JSON Schemas of mission files, platform files and the s
 	$(BIN)/gloc3 platform schema --out docs/schema/platform.schema.json
 	$(BIN)/gloc3 station schema --out docs/schema/station-lines.schema.json
 
-docs: $(READY)  ## the pages that are made from the code: where things are, and the walks
+docs: $(READY)  ## the pages and NOTICE, which are made from the code and the installed packages
 	$(BIN)/python -m tests.house
+
+site: $(READY)  ## the documentation as a site, in site/; to search in it, serve it: python3 -m http.server -d site
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 lock:  ## after a change of the dependencies: new hashes
 	test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv
@@ -54,7 +57,7 @@ lock:  ## after a change of the dependencies: new hashes
 	    --python-version 3.11 --no-header --no-annotate -o requirements-fuzz.txt
 
 clean:
-	rm -rf .venv runs
+	rm -rf .venv runs site
 
 $(READY): requirements.txt pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv

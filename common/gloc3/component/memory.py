@@ -1,4 +1,4 @@
-"""Out of memory: what the process still needs then is reserved, the failure is told once, and what held memory is let go."""
+"""Out of memory: what the process still needs then is reserved, the failure is reported once, and what held memory is freed."""
 
 import errno
 import mmap

@@ -290,7 +290,7 @@ class Session:
 
 @contextmanager
 def _commanded(run: Headless, options: HeadlessOptions) -> Iterator[None]:
-    """The commands of the script, of which a line that is none is told and passed over."""
+    """The commands of the script, without the lines that are none, which are reported."""
 
     def receive(line: str) -> None:
         try:

@@ -106,7 +106,7 @@ class StationOptions:
     with your name."""
     command: Annotated[list[str] | None, Parameter(negative=())] = None
     """With --headless and a --mission: sends VERB [TASK[.ACTION]] at @SECONDS after the start, such as "pause@30s",
-    "resume@40s", "skip sweep.wall@60s" or "abort@90s"; may be given again. A refusal is told and ends nothing."""
+    "resume@40s", "skip sweep.wall@60s" or "abort@90s"; may be given again. A refusal is reported and ends nothing."""
     commands: Annotated[bool, FLAG] = False
     """With --headless and a --mission: reads such commands as lines from stdin. Without @SECONDS they are sent as they
     come, at the start at the earliest."""

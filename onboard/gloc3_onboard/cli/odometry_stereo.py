@@ -35,7 +35,7 @@ def stereo(
     Args:
         dataset: The folder.
         options: What to compare with, and how.
-        mono: Track the left camera alone: turns are told, and a way whose steps all count 1 m.
+        mono: Track the left camera alone: it measures turns, and a path whose steps all count 1 m.
     """
     options = options or ReportOptions()
     options.check()

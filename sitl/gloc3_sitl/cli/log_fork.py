@@ -30,8 +30,8 @@ def fork(
         log: The log of a `gloc3 fly`, or the folder of its run.
         at: When it changes, in seconds of the flight.
         out: Folder for the new log and `fork.svg`, which shows both paths.
-        component: NAME=package.module:Class: the component is made anew, of this class; may be repeated.
-        setting: NAME.SETTING=VALUE: the component is made anew with it; may be repeated.
+        component: NAME=package.module:Class: creates the component again, of this class; may be repeated.
+        setting: NAME.SETTING=VALUE: creates the component again with it; may be repeated.
         fault: A fault without times, as `gloc3 fly --fault` takes it: it begins then; may be repeated.
     """
     from gloc3_sitl.flight.outputs import recreate

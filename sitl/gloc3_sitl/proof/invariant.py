@@ -1,4 +1,4 @@
-"""What must hold in every flight: the base of the invariants, what they are told, and how a broken one is reported."""
+"""What must hold in every flight: the base of the invariants, what they receive, and how a broken one is reported."""
 
 from collections.abc import Sequence
 from math import inf

@@ -1,4 +1,4 @@
-"""Observes one flight for its invariants, for what it reaches, and for the story that is told of it."""
+"""Observes one flight for its invariants, for what it reaches, and for the story of it."""
 
 from typing import Any, Final, NamedTuple
 

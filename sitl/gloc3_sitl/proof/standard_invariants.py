@@ -1,4 +1,4 @@
-"""The stack's own invariants, in the order in which they are told."""
+"""The stack's own invariants, in the order in which they are reported."""
 
 from collections.abc import Iterable
 from typing import Final

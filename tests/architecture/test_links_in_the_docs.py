@@ -27,6 +27,12 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert not anchor or anchor[1:] in anchors(found), f"{target}{anchor}"
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.parent.name == "docs"], ids=lambda page: page.name)
+def test_tests_that_are_named_exist(page: Path) -> None:
+    named = re.findall(r"(?<![\w/])tests/\w+/[\w/]+\.py", re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL))
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
 @pytest.mark.parametrize("picture", sorted((ROOT / "docs").rglob("*.svg")), ids=lambda picture: picture.name)
 def test_pictures_are_whole_and_fetch_nothing(picture: Path) -> None:
     text = picture.read_text()

@@ -120,7 +120,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         elif self._stands_since_s is None:
             self._stands_since_s = now_s
         seen = "not heard: the autopilot is silent"
-        if state is not None:
+        if state is not None and state.is_connected:
             landed = state.landed.replace("_", " ")
             seen = f"armed in mode {state.mode_name or state.mode}, and the autopilot reports {landed}"
         if self._stands_since_s is not None and now_s - self._stands_since_s >= STILL_S:

@@ -106,6 +106,16 @@ def test_a_landing_that_is_refused_or_lost_is_asked_for_again(state: ManoeuvreSt
     assert rig.stage.status.reason == ""
 
 
+def test_of_an_autopilot_that_is_gone_no_mode_is_told() -> None:
+    rig = Rig(timeout_s=30.0)
+    rig.speed_m_s = 1.0
+    rig.stage.begin("land")
+    rig.says(RUNNING)
+    rig.autopilot = replace(flying(FlightMode.LAND, landed=LandedState.LANDING), is_connected=False)
+    rig.run(31.0)
+    assert rig.stage.status.reason == "not landed after 30 s: it is not heard: the autopilot is silent"
+
+
 def test_one_that_never_comes_down_fails_in_time() -> None:
     rig = Rig(timeout_s=30.0)
     rig.speed_m_s = 1.0

@@ -71,3 +71,15 @@ def test_a_selection_of_vehicles_is_commanded_at_the_same_time_with_a_line_for_e
 def test_a_vehicle_that_is_not_there_is_not_heard(tmp_path: Path) -> None:
     code, lines = ran(tmp_path, "udpin://127.0.0.1:0", "--platform", "7", "--wait", "0.2", "--do", "arm")
     assert (code, lines[-1]["outcome"]) == (5, "not_heard")
+
+
+def test_a_submarine_has_landed_when_it_is_at_the_surface(tmp_path: Path) -> None:
+    with simulated("ardupilot", "--vehicle", "auv") as port:
+        url, dive = f"udpout://127.0.0.1:{port}", ("--do", "mode GUIDED", "--do", "go_to 47.39775 8.5456 -3")
+        code, lines = ran(tmp_path, url, "--platform", "1", "--within", "6", "--do", "arm", *dive)
+        done = [("arm", "done"), ("mode GUIDED", "done"), ("go to 47.39775 8.5456 -3", "failed")]
+        assert (code, outcomes(lines)) == (1, done), "it has no position under water"
+        code, lines = ran(tmp_path, url, "--platform", "1", "--within", "30", "--do", "land")
+        assert (code, outcomes(lines)) == (0, [("land", "done")])
+        assert "armed" in lines[-2]["text"]
+        assert "mode ALT_HOLD" in lines[-2]["text"]

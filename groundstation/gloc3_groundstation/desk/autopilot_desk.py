@@ -153,7 +153,7 @@ class AutopilotDesk:
 
 def in_words(action: Action, typed: str) -> str:
     """`take off 5`."""
-    return f"{action}{f' {typed}' if typed else ''}".replace("_", " ")
+    return f"{action.replace('_', ' ')}{f' {typed}' if typed else ''}"
 
 
 def numbers_of(action: Action, typed: str) -> tuple[float, ...]:
@@ -172,12 +172,12 @@ def numbers_of(action: Action, typed: str) -> tuple[float, ...]:
 
 
 def values_of(action: Action, typed: str, platform: PlatformSnapshot | None) -> tuple[float, ...]:
-    """The values of a command as they were typed, as the service takes them.
+    """The numbers of a command as they were typed, as the service takes them; none for a mode, which is a name.
 
     Raises:
         Refused: they are no numbers, or too few, or home's height is not known.
     """
-    if not OFFERS[action].values:
+    if action is Action.MODE or not OFFERS[action].values:
         return ()
     numbers = numbers_of(action, typed)
     if action is not Action.GO_TO:

@@ -40,7 +40,12 @@ HELD_S: Final = 1.0
 """Duration of a hold as a single action: after it the vehicle keeps its position, too."""
 WINGS: Final = ("fixed wing", "vtol")
 """Beginnings of the types of vehicles that circle."""
-ARMED_AT_HOME: Final = (*WINGS, "ground rover", "surface boat", "submarine")
+SUBMARINE: Final = "submarine"
+SURFACED_M: Final = 0.5
+"""Depth below home from which a submarine counts as surfaced."""
+SURFACED: Final = "ALT_HOLD"
+"""ArduSub's mode after SURFACE, at the surface."""
+ARMED_AT_HOME: Final = (*WINGS, "ground rover", "surface boat", SUBMARINE)
 """Those that stay armed at the end of a return."""
 PLANS: Final = ("AUTO.MISSION", "AUTO")
 READIED: Final = (Action.ARM, Action.TAKE_OFF, Action.START_PLAN)
@@ -83,7 +88,7 @@ def parse_vehicle_command(text: str) -> VehicleCommand:
     values = OFFERS[command.action].values
     if bool(values) != bool(command.typed):
         raise Refused(f"{word}: {values} is expected" if values else f"{word} takes no values")
-    if command.action not in (Action.MODE, Action.GO_TO):
+    if command.action is not Action.GO_TO:
         values_of(command.action, command.typed, None)
     return command
 
@@ -227,8 +232,11 @@ def shows(vehicle: VehicleSummary, command: VehicleCommand, values: tuple[float,
     match command.action:
         case Action.ARM:
             return vehicle.is_armed
-        case Action.DISARM | Action.LAND:
+        case Action.DISARM:
             return not vehicle.is_armed
+        case Action.LAND:
+            is_up = _mode(vehicle) == SURFACED and vehicle.position_m[2] >= -SURFACED_M
+            return not vehicle.is_armed or (vehicle_type.startswith(SUBMARINE) and is_up)
         case Action.RETURN:
             return not vehicle.is_armed or (vehicle_type.startswith(ARMED_AT_HOME) and _is_in(vehicle, Action.RETURN))
         case Action.TAKE_OFF:

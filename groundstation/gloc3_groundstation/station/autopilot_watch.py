@@ -216,6 +216,7 @@ class AutopilotWatch:
         place = self._place if now_s - self.place_s < PLACE_WITHIN_S else None
         is_placed = place is not None and (place.lat, place.lon) != (0, 0)
         geo = (place.lat / 1e7, place.lon / 1e7, place.alt / 1e3) if place is not None and is_placed else None
+        known, height_m = self.place.position_m(), 0.0 if place is None else place.relative_alt / 1e3
         heading = place.hdg if place is not None else _HEADING_UNKNOWN
         return VehicleSummary(
             t_s=0.0,
@@ -223,7 +224,7 @@ class AutopilotWatch:
             is_armed=self.is_armed,
             landed=self._landed,
             battery_percent=self._battery_percent,
-            position_m=self.place.position_m() or (0.0, 0.0, place.relative_alt / 1e3 if place is not None else 0.0),
+            position_m=known if known is not None and is_placed else (0.0, 0.0, height_m),
             speed_m_s=round(self._speed_m_s, 2),
             heading_deg=heading // 100 if heading != _HEADING_UNKNOWN else 0,
             is_pose_valid=geo is not None,

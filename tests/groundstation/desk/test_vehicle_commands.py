@@ -74,6 +74,15 @@ def test_vehicles_on_wings_circle_and_stay_armed() -> None:
     assert not shows(circles, parse_vehicle_command("return"), (), "hexarotor")
 
 
+def test_a_submarine_has_landed_at_the_surface_and_stays_armed() -> None:
+    land, deep = parse_vehicle_command("land"), replace(FLIES, landed="", position_m=(0.0, 0.0, -6.0))
+    surfaced = replace(deep, mode="ALT_HOLD", position_m=(0.0, 0.0, -0.1))
+    assert not shows(replace(deep, mode="SURFACE"), land, (), "submarine")
+    assert not shows(replace(deep, mode="ALT_HOLD"), land, (), "submarine")
+    assert shows(surfaced, land, (), "submarine")
+    assert not shows(surfaced, land, (), "quadrotor")
+
+
 def commanded(text: str, state: str, *, is_deaf: bool = False) -> str:
     """What a command leads to at a platform with a companion, where its single action ends so."""
 

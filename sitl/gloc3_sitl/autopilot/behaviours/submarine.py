@@ -12,6 +12,8 @@ _PUSH_M_S2 = 1.0
 """Acceleration at full stick, m/s²."""
 _YAW_RATE_RAD_S = 0.6
 _AT_SURFACE_M = 0.3
+_FLOATS_WITHIN_M = 0.02
+"""So close to its depth at the surface it counts as surfaced."""
 
 
 class SubmarineSticks(Activity):
@@ -61,7 +63,8 @@ class DepthHold(SubmarineSticks):
 
     def __init__(self, craft: Craft) -> None:
         super().__init__(craft)
-        self._down_m = max(0.0, craft.estimator.inertial.position_ned_m[2])
+        down_m, surface_m = craft.estimator.inertial.position_ned_m[2], _surface_m(craft)
+        self._down_m = max(0.0, down_m if down_m - surface_m > _AT_SURFACE_M else surface_m)
 
     def on_jump(self, jump_ned_m: Vector3) -> None:
         """The position estimate has jumped."""
@@ -83,15 +86,19 @@ class DepthHold(SubmarineSticks):
 
 
 class SurfaceMode(SubmarineSticks):
-    """SURFACE: up, and stay at the surface; the sticks push and turn, and no place is held."""
+    """SURFACE: up to the surface, where ALT_HOLD follows; the sticks push and turn, and no place is held."""
 
-    __slots__ = ()
+    __slots__ = ("is_done",)
+
+    def __init__(self, craft: Craft) -> None:
+        super().__init__(craft)
+        self.is_done = False
 
     def update(self) -> Setpoint:
         """The setpoint for the next 20 ms."""
         craft = self.craft
-        home_m = 0.0 if craft.home is None else craft.home.position_ned_m[2]
-        down_m = craft.estimator.inertial.position_ned_m[2] - home_m
+        down_m = craft.estimator.inertial.position_ned_m[2] - _surface_m(craft)
+        self.is_done = down_m <= craft.tuning.floats_at_m + _FLOATS_WITHIN_M
         climb_m_s = craft.tuning.limits.speed_up_m_s if down_m > _AT_SURFACE_M else 0.5 * max(0.0, down_m)
         return MotionSetpoint(
             velocity_ned_m_s=(nan, nan, -climb_m_s),
@@ -99,6 +106,11 @@ class SurfaceMode(SubmarineSticks):
             yaw_rad=self.turn(),
             yaw_rate_rad_s=self._rate(),
         )
+
+
+def _surface_m(craft: Craft) -> float:
+    """Where it floats, as NED down: its home, where it was armed."""
+    return 0.0 if craft.home is None else craft.home.position_ned_m[2]
 
 
 __all__ = ["DepthHold", "SubmarineSticks", "SurfaceMode"]

@@ -171,6 +171,7 @@ ARDUSUB: Final = replace(
     parameters=PARAMETERS,
     derive=derive,
     activities={Behaviour.STABILIZE: SubmarineSticks, Behaviour.ALTITUDE: DepthHold, Behaviour.LAND: SurfaceMode},
+    goes_on={Behaviour.LAND: _ALT_HOLD},
     unsupported=frozenset({_TAKE_OFF, _LAND, _RETURN, _VTOL_TAKE_OFF, _VTOL_LAND}),
     disarms_in_motion=True,
 )

@@ -127,7 +127,18 @@ class ActionService:
         try:
             await self._mavsdk.act(Plugin.TAKE_OFF, *arguments)
         except Refused as refusal:
-            raise Refused(f"{refusal}; it is armed, and stands") from None
+            left = "it is armed" if snapshot.is_armed else await self._disarm_again()
+            raise Refused(f"{refusal}; {left}") from None
+
+    async def _disarm_again(self) -> str:
+        """Disarms a vehicle that was armed for a take-off which it refuses; its state in words."""
+        if self._snapshots.snapshot.is_in_air:
+            return "it is armed, and in the air"
+        try:
+            await self._mavsdk.act(Plugin.DISARM)  # refused in the air, too
+        except Refused as refusal:
+            return f"it is armed, and not disarmed again: {refusal}"
+        return "it was armed for it, and disarmed again"
 
     async def _prepare(self) -> None:
         """Arms for a take-off: ArduPilot takes off on command in GUIDED alone."""

@@ -9,6 +9,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import CommandCall, MavCommandClient
+from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.snapshot import Firmware, ServicesSnapshot, SnapshotService
@@ -23,7 +24,7 @@ _MOTORS: Final = {2: 4, 3: 2, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
 """Motors by MAV_TYPE."""
 _REASONS: Final = {
     Firmware.PX4: "COM_MOT_TEST_EN must be 1, the safety button pressed, and the motor assigned to an output",
-    Firmware.ARDUPILOT: "see its texts: the vehicle must be landed, the RC calibrated and the safety switch pressed",
+    Firmware.ARDUPILOT: "the vehicle must be landed, the RC calibrated and the safety switch pressed",
 }
 
 
@@ -62,12 +63,19 @@ class MotorTestService:
         commands: sends the commands.
         snapshot: of the vehicle.
         target: its autopilot.
+        actions: has the autopilot's own reasons for a refusal.
     """
 
     def __init__(
-        self, machines: Machines, commands: MavCommandClient, snapshot: SnapshotService, target: Address
+        self,
+        machines: Machines,
+        commands: MavCommandClient,
+        snapshot: SnapshotService,
+        target: Address,
+        actions: ActionService,
     ) -> None:
         self._machines, self._commands, self._snapshot, self._target = machines, commands, snapshot, target
+        self._actions = actions
         self._call: CommandCall | None = None
 
     async def run(
@@ -128,12 +136,14 @@ class MotorTestService:
     async def _send(self, motor: int, settings: MotorTestSettings) -> None:
         if self._call is not None:
             self._commands.abandon(self._call)
+        begin_s = self._machines.now_s
         call = self._call = self._begin(motor, settings.percent, settings.seconds)
         await self._machines.until(lambda: call.result is not None)
         self._call = None
         if call.result is not CommandResult.ACCEPTED:
             words = "no answer" if call.result is None else call.result.words
-            raise Refused(f"motor {motor}: {words}; {_REASONS[self._snapshot.snapshot.firmware]}")
+            refusal = f"motor {motor}: {words}; {_REASONS[self._snapshot.snapshot.firmware]}"
+            raise Refused(await self._actions.explained(refusal, begin_s))
 
     async def _pass(self, seconds: float) -> None:
         ends_s = self._machines.now_s + seconds

@@ -70,11 +70,13 @@ class VehicleServices:
         )
         self.plans: Final = PlanService(self.machines, mission, self._snapshots)
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
-        self.calibration: Final = CalibrationService(wire, self.machines, self._snapshots, self.parameters)
         self.console: Final = ConsoleService(self.machines, shell, self._snapshots)
-        self.motors: Final = MotorTestService(self.machines, commands, self._snapshots, target)
         self._mavsdk = MavsdkBehindLink(wire, target)
         self.actions: Final = ActionService(self.machines, commands, self._mavsdk, self._snapshots)
+        self.motors: Final = MotorTestService(self.machines, commands, self._snapshots, target, self.actions)
+        self.calibration: Final = CalibrationService(
+            wire, self.machines, self._snapshots, self.parameters, self.actions
+        )
         self.home: Final = HomeService(self.machines, commands, self.actions, target)
         self.rates: Final = RateService(self.machines, commands, meter, target)
 

@@ -55,3 +55,20 @@ async def test_each_class_of_ardupilot_holds_returns_and_lands_in_its_own_modes(
                 else:
                     await patiently(partial(services.actions.act, action), 30.0)  # it may be without a position yet
                     await until(partial(is_in, watch, expected), 20.0)
+
+
+@pytest.mark.parametrize("is_armed", [False, True])
+async def test_a_refused_take_off_leaves_the_vehicle_as_it_was(is_armed: bool) -> None:
+    with simulated("ardupilot", "--vehicle", "rover") as port:
+        async with at_hand(port) as (services, link):
+            await services.learn()
+            watch = Watch(link)
+            await patiently(partial(services.actions.set_mode, "GUIDED"), 30.0)
+            if is_armed:
+                await patiently(partial(services.actions.act, Action.ARM))
+                await until(lambda: watch.is_armed, 20.0)
+            with pytest.raises(Refused, match="cannot do it; it ") as refusal:
+                await patiently(partial(services.actions.act, Action.TAKE_OFF, 5.0), 0.0)
+            left = "it is armed" if is_armed else "it was armed for it, and disarmed again"
+            assert str(refusal.value).endswith(left)
+            await until(lambda: watch.is_armed is is_armed, 20.0)

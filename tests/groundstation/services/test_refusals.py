@@ -1,9 +1,10 @@
 """Refusals of a bare vehicle: with the autopilot's own reason, which it sends as a status text."""
 
 import pytest
-from tests.groundstation.services.scripted_vehicle import PX4, Scene, over
+from tests.groundstation.services.scripted_vehicle import ARDUPILOT, PX4, Scene, over
 
 from gloc3.errors import Refused
+from gloc3.mavlink.services.calibration import CalibrationKind
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import MavCommandRequest
 from gloc3_groundstation.services.actions import DO_SET_MODE, Action
@@ -42,3 +43,22 @@ def test_a_refusal_has_the_autopilots_own_reason_and_none_of_another_moment(is_e
         assert str(refusal.value) == f"mode Mission: {CommandResult.DENIED.words}"
 
     over(play, autopilot=PX4)
+
+
+def test_a_motor_test_and_a_calibration_have_it_too() -> None:
+    async def play(scene: Scene) -> None:
+        def refuse(request: MavCommandRequest) -> CommandResult | None:
+            if request.command not in (209, 241):
+                return None
+            scene.vehicle.texts.send(4, "PreArm: Safety switch")
+            return CommandResult.FAILED
+
+        scene.vehicle.answer = refuse
+        await scene.services.learn()
+        with pytest.raises(Refused, match=r"motor 1: .*: PreArm: Safety switch$"):
+            await scene.services.motors.run(1)
+        await scene.pass_s(2.0)
+        state = await scene.services.calibration.run(CalibrationKind.GYRO)
+        assert state.reason == f"the vehicle's answer: {CommandResult.FAILED.words}: PreArm: Safety switch"
+
+    over(play, autopilot=ARDUPILOT)

@@ -130,6 +130,8 @@ class Calibration(Microservice[CalibrationState]):
     def __init__(self, own: Address, target: Address, kind: CalibrationKind) -> None:
         super().__init__(own)
         self.state = CalibrationState(kind=kind)
+        self.is_refused = False
+        """Whether the vehicle has refused to begin."""
         self._target = target
         self._quick = MavCommandClient(own)
         self._is_waiting = MavCommandClient(own, retry_s=PATIENT_S, attempts=1)
@@ -213,6 +215,7 @@ class Calibration(Microservice[CalibrationState]):
             if call.result is CommandResult.ACCEPTED:
                 self._answered(call.result, was_in_progress=call.is_in_progress)
             else:
+                self.is_refused = True
                 self._end(CalibrationPhase.FAILED, f"the vehicle's answer: {call.result.words}{self.refusal_hint}")
 
     def _note(self, text: str) -> None:

@@ -8,10 +8,13 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Final
 
+import msgspec
+
 from gloc3.errors import Refused
 from gloc3.mavlink.services.calibration import Calibration, CalibrationKind, CalibrationState
 from gloc3.mavlink.services.calibration_ardupilot import ArduPilotCalibration
 from gloc3.mavlink.services.calibration_px4 import Px4Calibration, Px4EscCalibration
+from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.calibration.esc_at_restart import EscAtRestart
 from gloc3_groundstation.services.calibration.radio_calibration import RadioCalibration, StickRole
 from gloc3_groundstation.services.machines import Machines, Wire
@@ -38,13 +41,22 @@ class CalibrationService:
         machines: run the other services.
         snapshot: of the vehicle.
         parameters: of the vehicle; some calibrations end in them.
+        actions: has the autopilot's own reasons for a refusal.
     """
 
-    def __init__(self, wire: Wire, machines: Machines, snapshot: SnapshotService, parameters: ParameterService) -> None:
+    def __init__(
+        self,
+        wire: Wire,
+        machines: Machines,
+        snapshot: SnapshotService,
+        parameters: ParameterService,
+        actions: ActionService,
+    ) -> None:
         self._wire = wire
         self._machines = machines
         self._snapshot = snapshot
         self._parameters = parameters
+        self._actions = actions
         self._running: Calibration | EscAtRestart | None = None
         self._own: Machines | None = None
 
@@ -78,6 +90,7 @@ class CalibrationService:
         self._running = running
         own = self._own = Machines(self._wire, self._snapshot.snapshot.address.system, [running])
         own.on_event(on_state)
+        begin_s = own.now_s
         try:
             running.begin(own.now_s)
             if isinstance(running, RadioCalibration):
@@ -87,6 +100,10 @@ class CalibrationService:
                     own.settle()
             else:
                 await own.until(lambda: running.state.is_over)
+            if running.is_refused:
+                reason = await self._actions.explained(running.state.reason, begin_s)
+                running.state = msgspec.structs.replace(running.state, reason=reason)
+                on_state(running.state)
         finally:
             if not running.state.is_over:
                 running.cancel(own.now_s)

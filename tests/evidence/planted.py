@@ -129,7 +129,7 @@ def look_for(tree: Path, planted: PlantedMistake) -> dict[str, Any]:
         found = msgspec.json.decode(ended.stdout)
     except msgspec.DecodeError:
         return {"is_found": False, "text": ended.stderr.strip()[-200:], "flights": 0, "processor_s": 0.0}
-    smallest = next((one for one in found["found"] if _holds_without_it(tree, one["folder"])), None)
+    smallest = next((one for one in found["found"] if _holds_without_it(tree, one)), None)
     return {
         "is_found": smallest is not None and found["processor_s"] <= BUDGET_S,
         "flights": found["flights"],
@@ -141,10 +141,15 @@ def look_for(tree: Path, planted: PlantedMistake) -> dict[str, Any]:
     }
 
 
-def _holds_without_it(tree: Path, folder: str) -> bool:
-    """Whether a finding is the mistake's: the same flight breaks nothing where it is not made."""
-    called = [sys.executable, "-m", "gloc3", "prove", "--replay", str(Path(folder, "replay.json")), "--quiet"]
-    return subprocess.run(called, cwd=tree, env=_environment(tree), check=False, capture_output=True).returncode == 0
+def _holds_without_it(tree: Path, finding: dict[str, Any]) -> bool:
+    """Whether a finding is the mistake's: in the same flight the invariant holds where it is not made.
+
+    Another one may not: of a mission the landing may have been left out.
+    """
+    called = [sys.executable, "-m", "gloc3", "prove", "--json", "--replay", str(Path(finding["folder"], "replay.json"))]
+    ended = subprocess.run(called, cwd=tree, env=_environment(tree), check=False, capture_output=True, text=True)
+    broken = msgspec.json.decode(ended.stdout).get("broken", [])
+    return finding["broken"]["invariant"] not in [one["invariant"] for one in broken]
 
 
 def judge(progress: Progress) -> Sequence[Figure]:

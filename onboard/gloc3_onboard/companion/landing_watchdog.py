@@ -131,7 +131,8 @@ class LandingWatch:
 
     def _reason(self, state: AutopilotState, now_s: float) -> str:
         """Why the vehicle is to be landed; empty where it is not."""
-        self._is_taken_over |= self._was_reached and state.mode not in COMES_DOWN
+        has_come_down = state.mode in COMES_DOWN or state.mode_name in self._device.behaviour.lands_into
+        self._is_taken_over |= self._was_reached and not has_come_down
         is_airborne = state.is_connected and state.landed in AIRBORNE
         is_begun = self._machine is not None and state.is_connected
         if not (is_airborne or is_begun) or self._is_taken_over or self._is_flown_by_hand(state, now_s):

@@ -73,8 +73,10 @@ class TouchdownDetector:
                 self._become(False, now_s)
             return
         if signs.is_climb_known:
-            is_still = signs.thrust_share < 0.6 and abs(signs.speed_down_m_s) < 0.25
-            is_down = is_still or (signs.is_idle and abs(signs.speed_down_m_s) < self.IDLE_M_S)
+            is_still = abs(signs.speed_down_m_s) < 0.25
+            is_down = signs.thrust_share < 0.6 and (
+                is_still or (signs.is_idle and abs(signs.speed_down_m_s) < self.IDLE_M_S)
+            )
             lasts_s = self.CERTAIN_S if signs.height_m > 0.5 or not is_still else self.SETTLE_S
         else:
             is_down, lasts_s = signs.is_idle, self.UNSEEN_S

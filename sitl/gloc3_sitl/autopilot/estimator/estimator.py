@@ -18,8 +18,6 @@ _STUCK: Final = 10
 _FIX_LOST_S: Final = 0.5
 _IMU_LOST_S: Final = 0.1
 """Age of the newest inertial sample from which there is no estimate of the present."""
-_CLIMB_DOUBTED_S: Final = 10.0
-"""So long a receiver's climb is left out after its own height has contradicted what it led to."""
 _BAROMETER_M2, _DEPTH_M2 = 0.25, 0.0025
 """Variance of a height by the pressure of air, and of a depth by that of water, which is a thousand times steeper."""
 _GYRO_ALONE_S: Final = 3.0
@@ -140,8 +138,7 @@ class Estimator:
             if not self.sources & (AidingSource.EXTERNAL_HEIGHT | AidingSource.RANGE_HEIGHT | AidingSource.DEPTH):
                 height_accuracy = max(fix.vertical_accuracy_m, 0.01) ** 2
                 self._use_height(self.height_state, measured[2], believed.position_ned_m[2], height_accuracy, now_s)
-                if now_s - self.height_state.refused_s > _CLIMB_DOUBTED_S:
-                    self._correct_vertical(self._vertical.measure_velocity(2.0 * speed_accuracy), ud - vd)
+                self._correct_vertical(self._vertical.measure_velocity(2.0 * speed_accuracy), ud - vd)
 
     def use_external(self, pose: ExternalOdometry, now_s: float) -> None:
         """External odometry (vision, laser, motion capture)."""

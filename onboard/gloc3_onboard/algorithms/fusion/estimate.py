@@ -33,9 +33,8 @@ LONGEST_S: Final = 0.05
 """The inertial unit is missed when it says nothing for longer."""
 _STEP_S: Final = 0.1
 """The covariance is predicted at least so often."""
-_BLIND: Final = (0.12, 2.0)
-"""Noise densities of rate and acceleration where nothing is known of them: rad/s/√Hz, m/s²/√Hz. A multirotor that sets
-off on its way home changes its velocity by 2 m/s within a second."""
+_BLIND: Final = (0.12, 1.0)
+"""Noise densities of rate and acceleration where nothing is known of them: rad/s/√Hz, m/s²/√Hz."""
 _BLIND_PAST_S: Final = 0.15
 """Age of a past pose up to which the assumed motion is used without the inertial unit, s."""
 _TURN_REPORTED: Final = 0.03

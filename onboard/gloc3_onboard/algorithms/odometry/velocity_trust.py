@@ -21,6 +21,11 @@ class VelocityTrust:
         self._contradictions = 0
         self._stands_since_s: float | None = None
 
+    @property
+    def is_doubted(self) -> bool:
+        """Whether the last fix has contradicted the wheels, and not often enough yet to distrust them."""
+        return self._contradictions > 0
+
     def fix(self, *, fits: bool) -> bool:
         """Handles a satellite fix; true if it makes the wheels distrusted."""
         self._contradictions = 0 if fits else self._contradictions + 1

@@ -30,6 +30,8 @@ from gloc3_onboard.sensors.devices import Memory
 
 _FIX_GAP_S: Final = 1.0
 """Interval of used fixes, s: their errors are correlated for long."""
+_DOUBT_GAP_S: Final = 0.5
+"""The same while fixes contradict the velocity, so that what drives by wrong wheels is found out soon, s."""
 _REQUESTED_S: Final = 1.0
 """Age above which a setpoint is ignored, s."""
 _TO_PLACE: Final = 0.4
@@ -335,7 +337,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
 
     def _fix(self, fix: SatelliteFix, t_s: float) -> None:
         self._seen_s = t_s if fix.is_valid else float("-inf")
-        if not fix.is_valid or self._plane is None or t_s - self._fix_s < _FIX_GAP_S - 1e-6:
+        gap_s = _DOUBT_GAP_S if self._trust.is_doubted else _FIX_GAP_S
+        if not fix.is_valid or self._plane is None or t_s - self._fix_s < gap_s - 1e-6:
             return
         self._fix_s = t_s
         north, east, _ = self._plane.ned_from_geo(*fix.place_geo)

@@ -29,8 +29,9 @@ WORTHLESS_M: Final = 10.0
 _OFF_THE_GROUND: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
 FROZEN_FIXES: Final = 3
 """So many fixes of new times with the same digits are no measurements: noise alone changes them."""
-UNSEEN_M_S2: Final = 0.4
-"""An autopilot without a height drifts up or down with up to this acceleration, m/s²: 0.16 were seen."""
+FROZEN_M_S2: Final = 0.4
+"""An autopilot that follows a frozen receiver, or has no height, drifts with up to this acceleration, m/s²: 0.16 were
+seen."""
 APART_SIGMA: Final = 4.0
 ANTENNA_M: Final = 0.3
 """Distance of an antenna from the vehicle's origin, m, as far as nobody has measured it."""
@@ -56,7 +57,7 @@ class ReceiverDoubt(NamedTuple):
     """How far an estimate may be off by the satellite receiver."""
 
     level_m: float
-    """Horizontally, where the receiver contradicts; else 0."""
+    """Horizontally, where the receiver contradicts or is frozen; else 0."""
     level_std_m: float
     """The least standard deviation of the horizontal distance with which both can be right."""
     height_m: float
@@ -70,7 +71,8 @@ class ReceiverCheck:
     """Second opinion on an autopilot's position, from the satellite receiver itself.
 
     The autopilot's estimate is made of the receiver's fixes, among others: it is no better than the receiver claims, it
-    may reject fixes that are right, and follows a receiver that repeats its last fix: then it is worth nothing, at once.
+    may reject fixes that are right, and follows a receiver that repeats its last fix: then it is not valid, and is claimed
+    to be off the more, the longer that lasts.
     """
 
     def __init__(self) -> None:
@@ -78,6 +80,8 @@ class ReceiverCheck:
         self._fix_s = self._changed_s = -math.inf
         self._same = 0
         """How many fixes have repeated the last one."""
+        self._speeds_m_s = (0.0, 0.0)
+        """Of the estimate, level and vertical, before the receiver froze."""
 
     def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool) -> None:
         """Handles a fix, valid or not; at rest on the ground receivers may hold their position."""
@@ -101,7 +105,7 @@ class ReceiverCheck:
     def doubt(
         self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, t_s: float, plane: TangentPlane
     ) -> ReceiverDoubt:
-        """How far the estimate may be off: as far as both are apart."""
+        """How far the estimate may be off: by a frozen receiver, or as far as both are apart."""
         fix = self._recent(t_s)
         if fix is None:
             return NO_DOUBT
@@ -113,7 +117,15 @@ class ReceiverCheck:
         level_m_s, upright_m_s = math.hypot(*velocity_ned_m_s[:2]), abs(velocity_ned_m_s[2])
         level = _apart(math.hypot(north, east), fix.std_m, level_m_s)
         height = _apart(abs(down), fix.height_std_m, upright_m_s)
-        return ReceiverDoubt(level.contradicts_m, level.std_m, max(height.contradicts_m, height.std_m))
+        frozen_s = self.frozen_s(t_s)
+        if not frozen_s:
+            self._speeds_m_s = level_m_s, upright_m_s
+            return ReceiverDoubt(level.contradicts_m, level.std_m, max(height.contradicts_m, height.std_m))
+        drift_m = 0.5 * FROZEN_M_S2 * frozen_s**2
+        level_m, upright_m = (speed * frozen_s + drift_m for speed in self._speeds_m_s)
+        return ReceiverDoubt(
+            max(level_m, level.contradicts_m), level.std_m, max(upright_m, height.contradicts_m, height.std_m)
+        )
 
     def _recent(self, t_s: float) -> SatelliteFix | None:
         fix = self._fix
@@ -301,6 +313,6 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self.doubt_m = max(math.hypot(north, east), self._jump_m, receiver.level_m)
         own_m = max(self.settings.std_m, self._receiver.std_m(t_s))
         level_m = math.hypot(own_m, max(self.doubt_m, receiver.level_std_m) / math.sqrt(2.0))
-        unseen_m = 0.5 * UNSEEN_M_S2 * (t_s - self._height_s) ** 2
+        unseen_m = 0.5 * FROZEN_M_S2 * (t_s - self._height_s) ** 2
         height_m = 0.0 if self.settings.is_level else max(receiver.height_m, unseen_m)
         return level_m, level_m, math.hypot(self.settings.std_m, down, height_m)

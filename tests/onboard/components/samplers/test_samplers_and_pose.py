@@ -9,7 +9,7 @@ from tests.onboard.stage import Stage
 
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.test_bench import Bench
-from gloc3.messages.frames import GeoPoint, TangentPlane
+from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
 from gloc3.messages.perception import SatelliteFix
 from gloc3.messages.vehicle import AutopilotState, HeightAboveGround, Image, LandedState, Pose
 from gloc3_onboard.components.processors.pose import PoseProcessor, PoseSettings
@@ -248,21 +248,29 @@ def test_a_height_that_nothing_measures_is_claimed_with_a_growing_deviation() ->
     assert told(stage, (0.0, 0.0, 0.0), 0.2).position_std_m[2] < 0.06
 
 
-def frozen(landed: LandedState, repeats: int) -> Pose:
-    """The pose after the receiver has repeated its fix."""
+def frozen(landed: LandedState, velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0), *, seconds: float = 2.0) -> Pose:
+    """The pose after the receiver has said the same for a time, ten times a second."""
     stage = processor(std_m=0.05)
-    for _ in range(1 + repeats):
+    for _ in range(round(seconds / 0.1)):
         fix = SatelliteFix(place_geo=HOLD, std_m=0.02, height_std_m=0.03, satellites=12)
-        given = autopilot_pose(height=0.0, origin_geo=HOLD)
-        stage.step(0.2, autopilot=flying(landed=landed), satellites=fix, autopilot_pose=given)
+        given = autopilot_pose(height=0.0, velocity_ned_m_s=velocity_ned_m_s, origin_geo=HOLD)
+        stage.step(0.1, autopilot=flying(landed=landed), satellites=fix, autopilot_pose=given)
     last: Pose = stage.all(Pose)[-1]
     return last
 
 
 @pytest.mark.parametrize("landed", [LandedState.TAKING_OFF, LandedState.IN_AIR, LandedState.LANDING])
-def test_a_receiver_that_repeats_itself_off_the_ground_invalidates_the_pose(landed: LandedState) -> None:
-    assert frozen(landed, 1).is_valid
-    lost = frozen(landed, 2)
+def test_a_receiver_that_repeats_itself_is_doubted_off_the_ground_the_more_the_faster(landed: LandedState) -> None:
+    assert 0.4 < frozen(landed).position_std_m[0] < 0.7
+    assert frozen(landed, (0.0, 0.0, -1.5)).position_std_m[2] > 2.5
+    assert frozen(landed, (3.0, 0.0, 0.0)).position_std_m[0] > 3.5
+    assert frozen(LandedState.ON_GROUND).position_std_m == pytest.approx((0.05, 0.05, 0.05))
+
+
+@pytest.mark.parametrize("landed", [LandedState.TAKING_OFF, LandedState.IN_AIR, LandedState.LANDING])
+def test_a_receiver_that_repeats_itself_off_the_ground_invalidates_the_pose_at_once(landed: LandedState) -> None:
+    assert frozen(landed, seconds=0.2).is_valid
+    lost = frozen(landed, seconds=0.4)
     assert not lost.is_valid
     assert "repeating one position" in lost.reason
-    assert frozen(LandedState.ON_GROUND, 20).is_valid
+    assert frozen(LandedState.ON_GROUND).is_valid

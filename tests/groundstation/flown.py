@@ -122,3 +122,13 @@ class Flight:
         )
         if t_s % 1.0 == 0.0:
             self.platform.speak()
+
+
+async def flown_on_the_map(here: Scene, seconds: float) -> Flight:
+    """Has the platform fly for a time, and shows it on the map."""
+    flight = Flight(here)
+    flight.begin()
+    flight.fly(seconds)
+    await here.go("4")
+    await here.until("map", "heron")
+    return flight

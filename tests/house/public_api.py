@@ -9,6 +9,8 @@ from typing import Final
 
 from tests.house.measure import Module, read_modules
 
+from gloc3_groundstation import api
+
 Named = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 ROOT: Final = Path(__file__).parents[2]
@@ -43,20 +45,7 @@ PUBLIC: Final[Mapping[str, tuple[str, ...]]] = {
     "gloc3.mission.model.arguments": ("Arguments",),
     "gloc3.mission.model.legs": ("Budget",),
     "gloc3.mission.model.states": ("ActionState",),
-    "gloc3_groundstation.api": (
-        "connect",
-        "ScriptStation",
-        "ScriptVehicle",
-        "CheckFailed",
-        "End",
-        "FarAway",
-        "Gloc3Error",
-        "InputError",
-        "NarrationLine",
-        "NotDone",
-        "NotHeard",
-        "Refused",
-    ),
+    "gloc3_groundstation.api": tuple(api.__all__),
     "gloc3_groundstation.plug_ins": ("PlugInScreen",),
     "gloc3_groundstation.station.alerts": ("AlertCause",),
     "gloc3_groundstation.station.snapshots": ("Fleet", "PlatformSnapshot"),

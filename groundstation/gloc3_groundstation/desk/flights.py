@@ -143,17 +143,16 @@ async def await_vehicle(station: Station, wanted: str | None) -> str:
 
 async def settled_vehicles(station: Station) -> list[str]:
     """The names of all vehicles that are heard, once no further one has come for `OTHERS_S`."""
+
+    def heard() -> list[str]:
+        return [platform.name for platform in station.fleet if platform.is_known and _is_called(platform, None)]
+
+    found = heard()
     while True:
-        found = [platform.name for platform in station.fleet if platform.is_known and _is_called(platform, None)]
-        try:
-            async with asyncio.timeout(OTHERS_S):
-                await until(station, lambda: _number_of(station) > len(found))  # noqa: B023 - awaited here
-        except TimeoutError:
+        await passed(OTHERS_S)
+        found, before = heard(), found
+        if found == before:
             return found
-
-
-def _number_of(station: Station) -> int:
-    return sum(platform.is_known and _is_called(platform, None) for platform in station.fleet)
 
 
 def _is_called(platform: PlatformSnapshot, wanted: str | None) -> bool:

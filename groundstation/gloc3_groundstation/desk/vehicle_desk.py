@@ -9,6 +9,8 @@ from gloc3.cli.counting import counted
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.calibration import (
+    LEAST_PULSE_US,
+    MOST_PULSE_US,
     CalibrationKind,
     CalibrationPhase,
     CalibrationState,
@@ -38,6 +40,8 @@ COMPANION: Final = 191
 """The onboard computer among the components of its vehicle."""
 
 __all__ = [
+    "LEAST_PULSE_US",
+    "MOST_PULSE_US",
     "CalibrationKind",
     "CalibrationPhase",
     "CalibrationState",

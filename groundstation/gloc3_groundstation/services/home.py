@@ -10,12 +10,12 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import MavCommandClient
+from gloc3.mavlink.services.interval import REQUEST_MESSAGE
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.machines import Machines
 
 DO_SET_HOME: Final = 179
-REQUEST_MESSAGE: Final = 512
 HOME_POSITION: Final = 242
 GLOBAL: Final = 0
 """MAV_FRAME: altitudes above the sea."""

@@ -65,10 +65,11 @@ class PlanService:
         snapshot = await self._snapshot.learn(self._machines)
         found: dict[PlanType, tuple[PlanItem, ...]] = {}
         report = Quietly(on_progress)
-        for number, kind in enumerate(KINDS):
-            report(f"downloading the {_NAMES[kind]}", number / len(KINDS))
-            found[kind] = await self._get(kind) if kind in kinds and _can(snapshot, kind) else ()
-        parts = PlanParts(mission=found[PlanType.MISSION], fence=found[PlanType.FENCE], rally=found[PlanType.RALLY])
+        for number, kind in enumerate(kinds):
+            report(f"downloading the {_NAMES[kind]}", number / len(kinds))
+            found[kind] = await self._get(kind) if _can(snapshot, kind) else ()
+        mission, fence, rally = (found.get(kind, ()) for kind in KINDS)
+        parts = PlanParts(mission=mission, fence=fence, rally=rally)
         return VehiclePlan(plan=from_wire(parts, snapshot.firmware, snapshot.vehicle_type), parts=parts)
 
     async def upload(

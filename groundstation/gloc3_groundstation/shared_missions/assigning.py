@@ -1,7 +1,6 @@
 """Assigns the open tasks of a mission to vehicles in contact: by their platform files, where they are, and their charge."""
 
 from collections.abc import Mapping, Sequence
-from typing import Final
 
 import msgspec
 
@@ -15,9 +14,6 @@ from gloc3.platform.reader import load_platform
 from gloc3_groundstation.missions.plans import CheckedPlan, known_platform
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
-
-ON_THE_GROUND: Final = ("unknown", "on_ground")
-"""Landed states of a vehicle that is not under way."""
 
 
 def assigned(
@@ -70,13 +66,12 @@ def vehicle_of(station: Station, name: str, files: Sequence[str] = (), kept: tup
     platform = _platform(known, files)
     geo = known.vehicle.value.geo if known.vehicle is not None else None
     place = GeoPoint(*geo) if geo is not None else None
-    is_flying = known.vehicle is not None and known.is_armed and known.vehicle.value.landed not in ON_THE_GROUND
     percent = known.vehicle.value.battery_percent if known.vehicle is not None else -1
     begun, open_states = begun_tasks(known), (ActionState.RUNNING, ActionState.PAUSED)
     return AvailableVehicle(
         platform=platform,
         home=home_of(known) or place,
-        place=place if is_flying else None,
+        place=place if known.is_flying else None,
         battery=percent / 100.0 if percent >= 0 else 1.0,
         begun=tuple(sorted(begun, key=lambda task: begun[task] in open_states)),  # each after those that have ended
         running=tuple(task for task, state in begun.items() if state in open_states),

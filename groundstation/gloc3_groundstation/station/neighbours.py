@@ -15,7 +15,6 @@ OLD_S: Final = 4.0
 """Older positions are not passed on, s."""
 LATENCY_S: Final = 0.1
 """Of a link, one way, where it is not measured."""
-ON_THE_GROUND: Final = ("unknown", "on_ground")
 RoundTrip = Callable[[str], float | None]
 
 
@@ -39,10 +38,10 @@ class NeighbourRelay:
             round_trip_s: round-trip time to a platform; None where it is not known.
         """
         moved = fleet.get(name)
-        if moved is None or not _flies(moved):
+        if moved is None or not moved.is_flying:
             return
         for other in fleet:
-            if _flies(other) and self._is_ours(other):
+            if other.is_flying and self._is_ours(other):
                 near = list(self._near(other, fleet, now_s, round_trip_s))
                 if any(one.is_traffic if other.name == name else one.name == name for one in near):
                     self._client.send(other.name, Elsewhere(platform="", digest="", state="", vehicles=near))
@@ -59,7 +58,7 @@ class NeighbourRelay:
         plane = TangentPlane(own)
         to_s = _latency_s(round_trip_s(platform.name))
         for other in fleet:
-            place = _place(other) if other.name != platform.name and _flies(other) else None
+            place = _place(other) if other.name != platform.name and other.is_flying else None
             motion, site = other.motion, other.site
             if place is None or motion is None or site is None or motion.age_s(now_s) > OLD_S:
                 continue
@@ -97,11 +96,6 @@ def _contact(contact: TrafficContact, plane: TangentPlane, now_s: float, latency
         age_s=round(age_s + latency_s, 2),
         is_traffic=True,
     )
-
-
-def _flies(platform: PlatformSnapshot) -> bool:
-    vehicle = platform.vehicle.value if platform.vehicle is not None else None
-    return vehicle is not None and vehicle.is_armed and vehicle.landed not in ON_THE_GROUND
 
 
 def _place(platform: PlatformSnapshot) -> GeoPoint | None:

@@ -34,6 +34,8 @@ STALE_AFTER_S: Final[Mapping[type, float]] = {
 }
 """Age from which a message counts as stale, from the rate of its topic."""
 
+ON_THE_GROUND: Final = ("unknown", "on_ground")
+"""Landed states of a vehicle that does not fly."""
 QUIET_LINK_S: Final = 3.0
 """Silence of a platform after which its length is shown to the operator."""
 
@@ -302,6 +304,11 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     def is_armed(self) -> bool:
         """Whether it was armed in its last state."""
         return self.vehicle is not None and self.vehicle.value.is_armed
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether it was armed and off the ground in its last state."""
+        return self.vehicle is not None and self.is_armed and self.vehicle.value.landed not in ON_THE_GROUND
 
     def age_s(self, now_s: float) -> float:
         """Seconds since anything came from it."""

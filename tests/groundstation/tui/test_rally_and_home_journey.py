@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.groundstation.flown import Flight
+from tests.groundstation.flown import flown_on_the_map
 from tests.groundstation.station_scene import Scene, scene
 from textual.widgets import Input
 
@@ -91,11 +91,7 @@ async def test_rally_points_are_set_dragged_uploaded_and_read_back_and_home_is_m
 
 async def test_home_and_rally_points_of_a_companions_vehicle_need_control() -> None:
     async with scene(plan=None, size=(120, 40)) as here:
-        flight = Flight(here)
-        flight.begin()
-        flight.fly(5.0)
-        await here.go("4")
-        await here.until("map", "heron")
+        await flown_on_the_map(here, 5.0)
         await here.press("H")
         await here.wait(lambda: "set home: " in events(here))
         assert "is in control of heron; request control" in events(here)

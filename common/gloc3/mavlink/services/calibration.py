@@ -72,6 +72,10 @@ class CalibrationPhase(StrEnum):
     CANCELLED = "cancelled"
 
 
+LEAST_PULSE_US, MOST_PULSE_US = 800, 2200
+"""Pulses of a transmitter outside of these are none, µs."""
+
+
 class RadioChannel(msgspec.Struct, frozen=True):
     """A channel of the transmitter while it is calibrated; pulses in µs."""
 

@@ -1,7 +1,6 @@
 """Checks the options of tasks and actions: guards and loops, and `flown_by: autopilot`."""
 
 from collections.abc import Iterator
-from typing import Final
 
 from gloc3.component.deployment import ComponentRow
 from gloc3.documents.document import Document, Where
@@ -13,9 +12,6 @@ from gloc3.mission.model.conditions import QUANTITIES, Condition
 from gloc3.mission.model.model import FLY_PLAN, Action, ItemFile, Mission, where_of
 from gloc3.mission.model.waypoint_options import given_options, options_of
 from gloc3.platform.platform import Platform
-
-ALONG: Final = ("along", "hold")
-"""Modes of a heading that follows from the path."""
 
 
 def guard_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:
@@ -75,7 +71,7 @@ def unkept_findings(mission: Mission, platform: Platform | None) -> Iterator[Fin
             if row is not None and name not in kept_options(row):
                 where = (*where_of(target), action.capability, name)
                 yield document.finding(where, f"{row.name} of {platform.platform} {option.unkept}", "leave it out")
-        if row is not None and order.heading.mode not in ALONG and not chooses_heading(row):
+        if row is not None and not order.heading.follows_path and not chooses_heading(row):
             where = (*where_of(target), action.capability)
             message = f"{platform.platform} steers by its heading and cannot point elsewhere than along its path"
             hint = (

@@ -117,7 +117,7 @@ def _too_slow(action: Action, where: Where, limits: Limits, document: Document) 
     if speed_m_s is not None and speed_m_s < limits.speed_min_m_s:
         message = f"{speed_m_s:g} m/s is below the minimum of {limits.speed_min_m_s:g} m/s that keeps it in the air"
         yield document.finding((*where, "speed_m_s"), message, "fly faster")
-    if isinstance(order, FollowWaypointsOrder) and order.heading.mode not in ("along", "hold"):
+    if isinstance(order, FollowWaypointsOrder) and not order.heading.follows_path:
         message = "a fixed-wing vehicle cannot choose its heading"
         yield document.finding((*where, "heading"), message, "remove heading")
 

@@ -144,6 +144,11 @@ class HeadingOrder(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     look_at_ned_m: Vector3 | None = None
     """With `look_at`: the point."""
 
+    @property
+    def follows_path(self) -> bool:
+        """Whether a vehicle that points along its path can keep it."""
+        return self.mode in ("along", "hold")
+
 
 def heading_order(heading: Heading, placement: Placement) -> HeadingOrder:
     """A heading as written, in NED."""

@@ -14,6 +14,8 @@ from gloc3.cli.counting import counted
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.calibration import (
+    LEAST_PULSE_US,
+    MOST_PULSE_US,
     PREFLIGHT_CALIBRATION,
     Calibration,
     CalibrationKind,
@@ -29,8 +31,6 @@ from gloc3_groundstation.services.parameters import WriteReport
 
 RC_CHANNELS: Final = 65
 MOST_CHANNELS: Final = 16
-LEAST_US, MOST_US = 800, 2200
-"""Pulses outside of these are none."""
 MOVED_US: Final = 300
 """A channel that moves less is left as it is, and a stick that is deflected less is not recognized."""
 LEAST_RANGE_US: Final = 600
@@ -177,7 +177,7 @@ class RadioCalibration(Calibration):
                 self._end(CalibrationPhase.FAILED, "the vehicle was armed meanwhile; nothing was written")
             return
         pulses = {number: getattr(message, f"chan{number}_raw") for number in range(1, MOST_CHANNELS + 1)}
-        pulses = {number: pulse for number, pulse in pulses.items() if LEAST_US <= pulse <= MOST_US}
+        pulses = {number: pulse for number, pulse in pulses.items() if LEAST_PULSE_US <= pulse <= MOST_PULSE_US}
         if not pulses or message.rssi == 0:
             return
         self._received_s = now_s

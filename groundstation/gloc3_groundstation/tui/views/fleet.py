@@ -10,9 +10,9 @@ from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.view import StationView
-from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, worst_span
+from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, vehicle_table, worst_span
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut
-from gloc3_groundstation.tui.widgets.tables import Column, table_of, with_names
+from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 COLUMNS: Final = (
     Column("", 3),
@@ -37,14 +37,9 @@ LINK_COLUMNS: Final = (
 )
 
 
-def columns_for(view: StationView, width: int) -> tuple[Column, ...]:
-    """The columns, of which that of the vehicles holds their names."""
-    return with_names(COLUMNS, "vehicle", (platform.name for platform in view.fleet), width)
-
-
 def fleet_header(view: StationView, width: int) -> Line:
     """The titles of the columns."""
-    return table_of(columns_for(view, width), width).header()
+    return vehicle_table(COLUMNS, view, width).header()
 
 
 def fleet_line(view: StationView, platform: PlatformSnapshot, marked: Container[str], width: int) -> Line:
@@ -52,7 +47,7 @@ def fleet_line(view: StationView, platform: PlatformSnapshot, marked: Container[
     is_in_view = view.platform is not None and platform.name == view.platform.name
     mark = ("►" if is_in_view else " ") + (" ●" if platform.name in marked else "  ")
     tone = Tone.STRONG if is_in_view else Tone.TEXT
-    return table_of(columns_for(view, width), width).line(
+    return vehicle_table(COLUMNS, view, width).line(
         [
             Span(mark, Tone.BUSY),
             Span(platform.name, tone),

@@ -15,7 +15,7 @@ from gloc3_groundstation.tui.views.components import HEALTH_TONES
 from gloc3_groundstation.tui.views.corrections import correction_rows
 from gloc3_groundstation.tui.views.mission.traffic import traffic_tone
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, bar, cut, wrapped
-from gloc3_groundstation.tui.widgets.tables import Column, table_of, with_names
+from gloc3_groundstation.tui.widgets.tables import Column, FittedTable, table_of, with_names
 
 COLUMNS: Final = (
     Column("", 1),
@@ -53,14 +53,14 @@ SLOW_TRIP_S: Final = 1.0
 """Round trip from which the operator is warned of delayed keys."""
 
 
-def columns_for(view: StationView, width: int) -> tuple[Column, ...]:
-    """The columns, of which that of the vehicles holds their names."""
-    return with_names(COLUMNS, "vehicle", (platform.name for platform in view.fleet), width)
+def vehicle_table(columns: tuple[Column, ...], view: StationView, width: int) -> FittedTable:
+    """A table with a line for each vehicle, of which the column of vehicles holds their names."""
+    return table_of(with_names(columns, "vehicle", (platform.name for platform in view.fleet), width), width)
 
 
 def vehicle_header(view: StationView, width: int) -> Line:
     """The titles of the columns."""
-    return table_of(columns_for(view, width), width).header()
+    return vehicle_table(COLUMNS, view, width).header()
 
 
 def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> Line:
@@ -80,7 +80,7 @@ def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> L
         worst_span(platform, now_s),
         _alerts(view, platform),
     ]
-    return table_of(columns_for(view, width), width).line(cells)
+    return vehicle_table(COLUMNS, view, width).line(cells)
 
 
 def waiting_lines(view: StationView) -> list[Line]:

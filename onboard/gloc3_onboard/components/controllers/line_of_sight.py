@@ -102,7 +102,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         """Plans the path from the vehicle's position through the waypoints that no earlier attempt has passed."""
         pose, order = self.wanted(arguments)
         refuse_unkept(order, self.keeps, "a vehicle that steers by its heading")
-        if order.heading.mode not in ("along", "hold"):
+        if not order.heading.follows_path:
             raise Refused(f"a vehicle that steers by its heading cannot choose it: heading {order.heading.mode}")
         self._order = order
         self._guide = LineOfSight(self.settings.integral)

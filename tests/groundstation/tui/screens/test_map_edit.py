@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from tests.groundstation.flown import SITE, Flight
+from tests.groundstation.flown import SITE, flown_on_the_map
 from tests.groundstation.station_scene import PLAN, TEXT, Scene, scene
 
 from gloc3.messages.command_interface import RequestAction
@@ -36,11 +36,7 @@ def new_lines(here: Scene, before: str) -> list[str]:
 
 async def begin(here: Scene) -> None:
     """Shows the map with the vehicle, and edits the open mission on it."""
-    flight = Flight(here)
-    flight.begin()
-    flight.fly(5.0)
-    await here.go("4")
-    await here.until("map", "heron")
+    await flown_on_the_map(here, 5.0)
     await here.press("e")
     await here.wait(lambda: shown_map(here).edit.is_on and shown_map(here).edit.state.places is not None)
 
@@ -131,11 +127,7 @@ async def test_the_editor_shows_what_the_map_has_changed() -> None:
 
 async def test_a_vehicle_is_sent_to_the_crosshair_after_a_height_and_a_confirmation() -> None:
     async with scene(plan=None, size=(80, 24)) as here:
-        flight = Flight(here)
-        flight.begin()
-        flight.fly(5.0)
-        await here.go("4")
-        await here.until("map", "heron")
+        await flown_on_the_map(here, 5.0)
         await here.press("g")
         await here.shows(TextQuestion)
         await here.enter()
@@ -152,11 +144,7 @@ async def test_a_vehicle_is_sent_to_the_crosshair_after_a_height_and_a_confirmat
 
 async def test_the_wheel_zooms_about_the_mouse_and_a_drag_moves_the_map() -> None:
     async with scene(plan=None, size=(120, 40)) as here:
-        flight = Flight(here)
-        flight.begin()
-        flight.fly(5.0)
-        await here.go("4")
-        await here.until("map", "heron")
+        await flown_on_the_map(here, 5.0)
         screen = shown_map(here)
         await here.wait(lambda: screen._projection.width < 2 * 120)  # the list of vehicles is beside it
         before = screen._projection

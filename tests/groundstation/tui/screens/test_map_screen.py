@@ -1,7 +1,7 @@
 """The map in the terminal: keys and mouse move it, it follows calmly, and it draws no more than has changed."""
 
 import pytest
-from tests.groundstation.flown import Flight
+from tests.groundstation.flown import Flight, flown_on_the_map
 from tests.groundstation.looked_at import TOPICS, Viewer
 from tests.groundstation.scripted_platform import ScriptedPlatform
 from tests.groundstation.station_scene import Scene, scene
@@ -27,11 +27,7 @@ def seen(here: Scene) -> Projection:
 
 async def test_the_map_is_moved_by_keys_and_fitted_again() -> None:
     async with scene(plan=None, size=(120, 40)) as here:
-        flight = Flight(here)
-        flight.begin()
-        flight.fly(30.0)
-        await here.go("4")
-        await here.until("map", "heron")
+        await flown_on_the_map(here, 30.0)
         await here.wait(lambda: "cargo hold inspection" in str(shown_map(here).query_one("#map").border_title))
         assert here.requested(ReadMission)
         await here.until("map", "5")
@@ -56,11 +52,7 @@ async def test_the_map_is_moved_by_keys_and_fitted_again() -> None:
 
 async def test_a_map_that_follows_stands_still_until_the_vehicle_is_far_from_its_middle() -> None:
     async with scene(plan=None) as here:
-        flight = Flight(here)
-        flight.begin()
-        flight.fly(5.0)
-        await here.go("4")
-        await here.until("map", "heron")
+        flight = await flown_on_the_map(here, 5.0)
         await here.press("plus", "plus", "plus", "f")
         await here.wait(lambda: shown_map(here)._is_following)
         here.app.show_fleet()
@@ -104,11 +96,7 @@ async def test_obstacles_are_asked_for_only_while_the_map_is_shown_and_of_a_vehi
 
 async def test_the_mouse_is_the_cursor() -> None:
     async with scene(plan=None) as here:
-        flight = Flight(here)
-        flight.begin()
-        flight.fly(5.0)
-        await here.go("4")
-        await here.until("map", "heron")
+        await flown_on_the_map(here, 5.0)
         before = here.shown("cursor")
         await here.pilot.hover("#map", offset=(10, 5))
         await here.wait(lambda: here.shown("cursor") != before)
@@ -116,11 +104,7 @@ async def test_the_mouse_is_the_cursor() -> None:
 
 async def test_of_a_line_that_changes_only_the_columns_that_differ_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     async with scene(plan=None) as here:
-        flight = Flight(here)
-        flight.begin()
-        flight.fly(20.0)
-        await here.go("4")
-        await here.until("map", "heron")
+        flight = await flown_on_the_map(here, 20.0)
         panel = shown_map(here).query_one("#map", CanvasPanel)
         await here.still("map")
         drawn: list[int] = []

@@ -12,8 +12,13 @@ from gloc3_groundstation.tui.views.mission.map import RALLY_SIGN, Chart, cell_of
 from gloc3_groundstation.tui.widgets.canvas import CellCanvas
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, wrapped
 
-SIGNS = {HandleKind.FENCE: "□", HandleKind.CENTER: "□", HandleKind.CORNER: "◇"}
-SIGNS |= {HandleKind.PLACE: "○", HandleKind.RALLY: RALLY_SIGN}
+SIGNS: Final = {
+    HandleKind.FENCE: "□",
+    HandleKind.CENTER: "□",
+    HandleKind.CORNER: "◇",
+    HandleKind.PLACE: "○",
+    HandleKind.RALLY: RALLY_SIGN,
+}
 SHOWN_FINDINGS: Final = 8
 
 

@@ -3,6 +3,8 @@
 from typing import Final
 
 from gloc3_groundstation.desk.vehicle_desk import (
+    LEAST_PULSE_US,
+    MOST_PULSE_US,
     CalibrationKind,
     CalibrationPhase,
     CalibrationState,
@@ -23,7 +25,6 @@ ESC_WARNING: Final = (
     "The motors get full throttle although the vehicle is disarmed. Take the propellers off, and hold the vehicle down. "
     "ESCs with a digital protocol (DShot, DroneCAN) need no calibration."
 )
-_LEAST_US, _MOST_US = 800, 2200
 TONES: Final = {
     CalibrationPhase.DONE: Tone.GOOD,
     CalibrationPhase.FAILED: Tone.BAD,
@@ -81,7 +82,7 @@ def _channel_line(channel: RadioChannel, width: int) -> Line:
     cells = max(10, min(40, width - 46))
 
     def cell(pulse_us: int) -> int:
-        share = (pulse_us - _LEAST_US) / (_MOST_US - _LEAST_US)
+        share = (pulse_us - LEAST_PULSE_US) / (MOST_PULSE_US - LEAST_PULSE_US)
         return max(0, min(cells - 1, round(share * (cells - 1))))
 
     low, high, now = cell(channel.minimum_us), cell(channel.maximum_us), cell(channel.value_us)

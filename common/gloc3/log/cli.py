@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.installed import installed_points
+from gloc3.log.causes import TOPICS as HAPPENINGS
 from gloc3.log.causes import causes_of, find_happening, read_happenings, render_causes
 from gloc3.log.commands import list_commands, render_commands
 from gloc3.log.fields import plot_series, read_series
@@ -19,7 +20,7 @@ from gloc3.log.reader import LogReader, find_log
 from gloc3.log.record import PLATFORM_FILE
 from gloc3.log.recover import recover
 from gloc3.log.replay import render_comparisons, replay
-from gloc3.log.report.flight_path import read_flight_path
+from gloc3.log.report.flight_path import POSITIONS, read_flight_path
 from gloc3.log.report.plot import plot_flight
 from gloc3.log.report.timeline import plot_timelines, read_timelines
 from gloc3.messages.topics import TopicTable
@@ -92,6 +93,7 @@ def commands_(
         json: Print JSON for programs.
     """
     with LogReader(find_log(file, "ci/request"), TopicTable.installed().types) as reader:
+        reader.require_ours("requests of stations", "ci/*")
         found = list_commands(reader, has_queries=looks)
         _warn(reader)
     print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render_commands(found))  # noqa: T201
@@ -107,6 +109,7 @@ def why(file: Path, what: str, /) -> int:
         what: A time in seconds (the last event until then), or a part of an event's text.
     """
     with LogReader(find_log(file), TopicTable.installed().types) as reader:
+        reader.require_ours("events", *HAPPENINGS)
         happenings = read_happenings(reader)
         print(render_causes(causes_of(happenings, find_happening(happenings, what))))  # noqa: T201
         _warn(reader)
@@ -127,15 +130,17 @@ def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = Non
     with LogReader(file) as reader:
         target = out or file.with_name(f"{file.stem}-{what.replace('/', '-')}.svg")
         if what == "path":
+            reader.require_ours("position", *POSITIONS)
             path = read_flight_path(reader)
             if not path.flown:
                 raise Gloc3Error(f"{file}: no position was recorded")
             plot_flight(path, target)
         elif what == "components":
+            reader.require_ours("states of components", "components/*/status")
             plot_timelines(read_timelines(reader), target, f"{reader.platform}: states of the components")
         else:
             topic = require_topic(reader, what)
-            plot_series(read_series(reader, topic, fields), target, f"{reader.platform}/{topic}")
+            plot_series(read_series(reader, topic, fields), target, f"{reader.platform or file.name}/{topic}")
         _warn(reader)
     print(target)  # noqa: T201
     return DONE
@@ -175,6 +180,7 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
     topics = TopicTable.installed()
     file = find_log(file)
     with LogReader(file, topics.types) as reader:
+        reader.require_ours("recorded inputs")
         attached = reader.attachments.get(PLATFORM_FILE)
         if platform:
             found = load_platform(platform)

@@ -5,7 +5,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.log.reader import LogReader
-from gloc3.messages.command_interface import QUERIES, AnyBody, CiRequest, Elsewhere
+from gloc3.messages.command_interface import QUERIES, AnyBody, CiReply, CiRequest, Elsewhere
 from gloc3.messages.envelope import Envelope
 
 LONG: Final = 60
@@ -46,7 +46,8 @@ def list_commands(reader: LogReader, *, has_queries: bool = False) -> list[Comma
     for entry in reader.entries("ci/reply"):
         envelope: Envelope[Any] = entry.envelope
         reply = envelope.payload
-        answers[reply.sender, reply.boot, reply.sequence] = reply
+        if isinstance(reply, CiReply):
+            answers[reply.sender, reply.boot, reply.sequence] = reply
     found = []
     for key, (t_s, request) in requested.items():
         answer = answers.get(key)

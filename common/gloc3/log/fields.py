@@ -42,18 +42,16 @@ def read_series(reader: LogReader, topic: str, fields: Sequence[str]) -> list[Fi
     wanted = [tuple(_STEP.findall(field)) for field in fields]
     found: dict[tuple[str, str], FieldSeries] = {}
     known: dict[str, None] = {}
-    for entry in reader.entries(topic):
-        envelope = entry.envelope
-        for path, value in flatten(msgspec.to_builtins(envelope.payload)).items():
+    for life, t_s, message in reader.values(topic):
+        for path, value in flatten(message).items():
             if not isinstance(value, int | float):
                 continue
             known[path] = None
             steps = tuple(_STEP.findall(path))
             if wanted and not any(steps[: len(want)] == want for want in wanted):
                 continue
-            life = f"{envelope.source.component}, {envelope.source.boot:08x}"
             series = found.setdefault((path, life), FieldSeries(path, [], []))
-            series.t_s.append(envelope.t_s)
+            series.t_s.append(t_s)
             series.values.append(float(value))
     for field, want in zip(fields, wanted, strict=True):
         if not any(tuple(_STEP.findall(path))[: len(want)] == want for path, _ in found):

@@ -7,7 +7,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.errors import Refused, nearest
-from gloc3.log.reader import LogReader
+from gloc3.log.reader import LogReader, below
 from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 
@@ -66,6 +66,10 @@ class LogInfo(msgspec.Struct, frozen=True):
     is_finished: bool
     losses: list[str]
     """What is missing, in sentences."""
+    writer: str
+    """The program that wrote it, with its version."""
+    is_foreign: bool
+    """Whether that was another program than GLOC3."""
     platform: str
     time: str
     """`wall` or `virtual`; empty where the log does not say."""
@@ -116,7 +120,8 @@ def summarize(reader: LogReader, topics: TopicTable, progress: Callable[[float],
     for chunk, messages in reader.chunks():
         for message in messages:
             by_channel[message.channel].add(message.log_ns, len(message.data))
-        start_ns = min(start_ns or chunk.start_ns, chunk.start_ns)
+        if messages:
+            start_ns = min(start_ns or chunk.start_ns, chunk.start_ns)
         end_ns = max(end_ns, chunk.end_ns)
         if progress is not None:
             progress(chunk.end / reader.size)
@@ -126,6 +131,8 @@ def summarize(reader: LogReader, topics: TopicTable, progress: Callable[[float],
         size_bytes=reader.size,
         is_finished=reader.is_finished,
         losses=reader.losses(),
+        writer=reader.writer,
+        is_foreign=reader.is_foreign,
         platform=reader.platform,
         time=reader.run.get("time", ""),
         start_utc=_utc(start_ns) if start_ns else "",
@@ -198,7 +205,9 @@ def render(info: LogInfo, *, has_all_events: bool = False) -> str:
     state = "finished" if info.is_finished else "NOT FINISHED"
     lines = [
         f"{info.file}: {info.size_bytes:,} bytes, {state}",
-        f"platform {info.platform or 'unknown'}, {info.time or 'unknown'} time",
+        f"written by {info.writer}, not by GLOC3: times count from its first message"
+        if info.is_foreign
+        else f"platform {info.platform or 'unknown'}, {info.time or 'unknown'} time",
         f"start {info.start_utc or 'unknown'} (t = {info.start_s:.3f} s)",
         f"duration {info.duration_s:.3f} s, {info.messages:,} messages",
         *(f"LOST: {loss}" for loss in info.losses),
@@ -235,7 +244,7 @@ def require_topic(reader: LogReader, topic: str) -> str:
     Raises:
         Refused: the log has none of that name.
     """
-    known = [name.partition("/")[2] or name for name in reader.topics]
+    known = [below(name) for name in reader.topics]
     wanted = topic.removeprefix(f"{reader.platform}/")
     if wanted not in known:
         raise Refused(f"the log has no topic {topic!r}; {nearest(wanted, known)}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, NamedTuple, Self
 
+import msgspec
 from mcap.records import Channel
 
 from gloc3.errors import Finding, InputError, Refused
@@ -30,6 +31,16 @@ class LoggedMessage(NamedTuple):
     """When it was recorded, in seconds since boot of the clock host, to the nanosecond."""
     envelope: Envelope[Any]
     """Its payload is a dictionary where the type is not known here or its version differs."""
+
+
+def _is_ours(channel: Channel) -> bool:
+    """Whether a channel's messages are envelopes."""
+    return channel.message_encoding == "json" and "type" in channel.metadata
+
+
+def below(topic: str) -> str:
+    """A topic without the platform's name, or in a foreign log without its first slash."""
+    return topic.partition("/")[2] or topic
 
 
 class MavlinkFrame(NamedTuple):
@@ -110,8 +121,13 @@ class LogReader:
         self.is_finished: Final = self._scan.is_finished
         self.run: Final = self.metadata(RUN) or {}
         """What the log says of itself."""
-        offset = self.run.get("utc_offset_ns", "0")
-        self.utc_offset_ns: Final = int(offset) if offset.isdecimal() else 0
+        channels = self._scan.channels.values()
+        self.is_foreign: Final = not self.run and not any(_is_ours(channel) for channel in channels)
+        """Whether another program wrote it: its messages are no envelopes of GLOC3."""
+        first_ns = min((chunk.start_ns for chunk in self._scan.chunks), default=0) if self.is_foreign else 0
+        offset = self.run.get("utc_offset_ns", "")
+        self.utc_offset_ns: Final = int(offset) if offset.isdecimal() else first_ns
+        """The platform's time 0 in UTC; in a foreign log, its first message."""
 
     def __enter__(self) -> Self:
         return self
@@ -142,6 +158,29 @@ class LogReader:
     def attachments(self) -> dict[str, bytes]:
         """The attached files by name."""
         return {record.name: record.data for record in self._scan.attachments}
+
+    @property
+    def writer(self) -> str:
+        """The program that wrote the file, as far as it says so."""
+        return self._scan.library or "another program"
+
+    def require_ours(self, needed: str, *patterns: str) -> None:
+        """Requires a log of GLOC3 that has one of some topics.
+
+        Args:
+            needed: what is read from them.
+            patterns: the topics without the platform's name; none if there need not be any.
+
+        Raises:
+            Refused: another program wrote the log, or it has none of the topics.
+        """
+        if self.is_foreign:
+            raise Refused(
+                f"{self.path}: written by {self.writer}, not by GLOC3: it has no {needed}. "
+                "`gloc3 log info` lists its topics, `gloc3 log plot FILE TOPIC` draws one in JSON"
+            )
+        if patterns and not any(self._is_wanted(identifier, patterns) for identifier in self._scan.channels):
+            raise Refused(f"{self.path}: has no {needed}: no topic {' or '.join(patterns)} is recorded in it")
 
     @property
     def platform(self) -> str:
@@ -198,6 +237,35 @@ class LogReader:
                 if entry is not None:
                     yield entry
 
+    def values(self, topic: str) -> Iterator[tuple[str, float, Any]]:
+        """The messages of a topic as dictionaries and plain values, in the order of recording.
+
+        Args:
+            topic: its name, without the platform's.
+
+        Yields:
+            The publisher with its life ("" in a foreign log), the time of validity in s, and the message.
+
+        Raises:
+            Refused: a foreign log's topic is not in JSON.
+        """
+        if not self.is_foreign:
+            for _, envelope in self.entries(topic):
+                source = envelope.source
+                yield f"{source.component}, {source.boot:08x}", envelope.t_s, msgspec.to_builtins(envelope.payload)
+            return
+        wanted = {key for key, record in self._scan.channels.items() if below(record.topic) == topic}
+        for encoding in {self._scan.channels[key].message_encoding for key in wanted} - {"json"}:
+            raise Refused(f"{topic} is encoded in {encoding or 'an unnamed form'}: only topics in JSON can be drawn")
+        self._unreadable = 0
+        for _, messages in self.chunks():
+            for message in messages:
+                if message.channel in wanted:
+                    try:
+                        yield "", self.seconds(message.log_ns), msgspec.json.decode(message.data)
+                    except (ValueError, RecursionError):
+                        self._unreadable += 1
+
     def frames(self) -> Iterator[MavlinkFrame]:
         """The raw MAVLink frames in the order of recording."""
         for _, messages in self.chunks():
@@ -215,9 +283,9 @@ class LogReader:
 
     def _is_wanted(self, identifier: int, patterns: tuple[str, ...]) -> bool:
         record: Channel = self._scan.channels[identifier]
-        if record.message_encoding != "json" or "type" not in record.metadata:
+        if not _is_ours(record):
             return False
-        name = record.topic.partition("/")[2]
+        name = below(record.topic)
         return not patterns or any(matches(pattern, name) for pattern in patterns)
 
     def _restore(self, message: RawMessage, info: ChannelInfo) -> LoggedMessage | None:
@@ -250,7 +318,7 @@ class LogReader:
             found.append("the checksum of the whole file is wrong: a few bytes were changed")
         if not self.is_finished:
             found.append(self._describe_end())
-        if not self.run:
+        if not self.run and not self.is_foreign:
             found.append("the log's description record is lost: times count from 1970")
         if self._orphans:
             found.append(f"{self._orphans} messages are lost with the description of their channel")

@@ -35,7 +35,7 @@ def recover(source: Path, target: Path, progress: Callable[[float], None] | None
         scan = reader.scan
         try:
             with target.open("xb") as stream:
-                writer = McapWriter(stream)
+                writer = McapWriter(stream, profile=scan.profile)
                 for name, values in reader.all_metadata:
                     writer.add_metadata(name, values)
                 for attachment in scan.attachments:

@@ -1,7 +1,8 @@
 """Finds the readable records of an MCAP file that may be unfinished, truncated or damaged, and lists the gaps.
 
 The file is walked from record to record. Where that fails (a length that does not fit), the walk continues at the next
-chunk. A chunk with a wrong checksum is skipped as a whole.
+chunk. A chunk with a wrong checksum is skipped as a whole. Other programs write channels and schemas into the chunks:
+where neither the file nor its summary describes a channel that a chunk's index names, the chunk is opened at once.
 """
 
 import struct
@@ -92,12 +93,15 @@ class Scan:
         self.is_altered = False
         """Whether the checksum over everything is wrong."""
         self.library = ""
+        self.profile = ""
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.chunks: list[Chunk] = []
         self.metadata: list[Metadata] = []
         self.attachments: list[Attachment] = []
         self.gaps: list[Gap] = []
+        self._indexed: dict[int, set[int]] = {}
+        """Offset of a chunk to the channels that the index after it names."""
         if self.is_log:
             self._walk()
 
@@ -116,6 +120,10 @@ class Scan:
                 end = found
             at = end
         self._summary()
+        for chunk in self.chunks:
+            named = self._indexed.get(chunk.offset)
+            if chunk.data_offset > chunk.offset and (named is None or not named <= self.channels.keys()):
+                self.messages(chunk)
 
     def _record(self, at: int) -> int:
         """Takes in the record at an offset; returns where it ends, 0 after the last one, -1 where there is none."""
@@ -138,6 +146,9 @@ class Scan:
                 self.chunks.append(Chunk(at, end, log_ns, log_ns, end - at, 0, "", at))
             case Opcode.MESSAGE_INDEX:
                 fits = length >= 6 and length == 6 + struct.unpack_from("<I", data, begin + 2)[0]
+                if fits and self.chunks:
+                    (channel,) = struct.unpack_from("<H", data, begin)
+                    self._indexed.setdefault(self.chunks[-1].offset, set()).add(channel)
             case Opcode.DATA_END if length == DATA_END_BYTES:
                 self.is_complete = True
                 crc = int.from_bytes(data[begin:end], "little")
@@ -154,7 +165,7 @@ class Scan:
     def _add_record(self, record: Any) -> None:
         match record:
             case Header():
-                self.library = record.library
+                self.library, self.profile = record.library, record.profile
             case Schema():
                 self.schemas.setdefault(record.id, record)
             case Channel():
@@ -168,9 +179,13 @@ class Scan:
         """Reads the channels and schemas at the end of a finished file: of damaged parts, and of chunks."""
         if not self.is_finished:
             return
-        at = int(struct.unpack_from("<Q", self._data, len(self._data) - FOOTER_BYTES + RECORD_HEAD.size)[0])
-        while 0 < at < len(self._data) and self._data[at] in (Opcode.SCHEMA, Opcode.CHANNEL):
-            at = self._record(at)
+        footer = len(self._data) - FOOTER_BYTES
+        at = int(struct.unpack_from("<Q", self._data, footer + RECORD_HEAD.size)[0])
+        while 0 < at <= footer - RECORD_HEAD.size:
+            opcode, length = RECORD_HEAD.unpack_from(self._data, at)
+            begin, at = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and at <= footer:
+                self._add_record(_parse(opcode, self._data[begin:at]))
 
     def _chunk_at(self, at: int) -> Chunk | None:
         """The chunk at an offset, if its parts fit together."""

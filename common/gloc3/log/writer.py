@@ -60,7 +60,7 @@ class LogChannel:
 class McapWriter:
     """An MCAP file being written; flushed data can be read even if the file is never finished."""
 
-    def __init__(self, stream: BinaryIO | DiskFile, compression: Compression = "zstd") -> None:
+    def __init__(self, stream: BinaryIO | DiskFile, compression: Compression = "zstd", profile: str = "") -> None:
         self._stream = stream
         self._compression = compression
         self._compress = _compressor(compression)
@@ -76,7 +76,7 @@ class McapWriter:
         }
         self._start_ns, self._end_ns = 0, 0
         self._write(MAGIC)
-        self._write_record(Header(profile="", library=f"gloc3 {__version__}"))
+        self._write_record(Header(profile=profile, library=f"gloc3 {__version__}"))
 
     def add_channel(
         self,

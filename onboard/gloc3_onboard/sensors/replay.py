@@ -177,6 +177,7 @@ def topic_records(path: Path, topic: str, kind: type[M]) -> Sequence[Recorded[M]
         InputError: the file is not a log, or has no such topic of this type.
     """
     with LogReader(path) as reader:
+        reader.require_ours("data of sensors")
         found = [
             Recorded(entry.envelope.t_s, partial(_same, entry.envelope.payload))
             for entry in reader.entries(topic)

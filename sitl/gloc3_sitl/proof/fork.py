@@ -67,6 +67,7 @@ def fork(log: Path, changed: Changed, out: Path) -> Forked:
         Gloc3Error: the log does not hold what the flight needs, or the flight is another one before the moment.
     """
     with LogReader(find_log(log), TopicTable.installed().types) as reader:
+        reader.require_ours("simulated flight")
         recorded = _positions(reader)
         case, conditions = _case(reader, out)
     faults = tuple(

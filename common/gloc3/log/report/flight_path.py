@@ -16,6 +16,8 @@ from gloc3.mission.model.fence import Fence
 TRUTH: Final = "sim/truth"
 """What a simulated vehicle really did; where it is recorded, it is the path flown."""
 POSE: Final = "pose"
+POSITIONS: Final = (TRUTH, POSE)
+"""The topics that a path may be read from."""
 LOOK_AHEAD_M: Final = 2.0
 """How much of the requested path a sample may advance at once."""
 

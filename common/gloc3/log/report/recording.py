@@ -119,6 +119,7 @@ def read_cameras(path: Path) -> dict[str, CameraModel]:
 def _of_log(log: Path) -> PictureRecording:
     folder = log.parent / log.stem.replace("log", "images", 1)
     with LogReader(log, TopicTable.installed().types) as reader:
+        reader.require_ours("pictures with poses")
         pictures = [
             TakenPicture(
                 camera=entry.envelope.payload.camera,

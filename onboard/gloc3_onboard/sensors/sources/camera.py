@@ -217,6 +217,7 @@ def recorded_pictures(path: Path, camera: str) -> Sequence[Recorded[Image]]:
     """
     folder = path.parent / path.stem.replace("log", "images", 1)
     with LogReader(path) as reader:
+        reader.require_ours("data of sensors")
         entries = [
             entry.envelope for entry in reader.entries(RECORDED) if isinstance(entry.envelope.payload, ImageRecorded)
         ]

@@ -1,0 +1,122 @@
+"""Any valid MCAP is read, whoever wrote it; each subcommand says what such a file lacks."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import NonSeekingReader, make_reader
+
+from gloc3.errors import Refused
+from gloc3.log.cli import app
+from gloc3.log.fields import read_series
+from gloc3.log.reader import LogReader
+
+from .foreign_logs import COUNT, FOREIGN, NO_SUMMARY, STEP_NS, by_another
+from .samples import small_log
+
+
+@pytest.fixture(params=FOREIGN)
+def file(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    path = tmp_path / "other.mcap"
+    FOREIGN[request.param](path)
+    return path
+
+
+def run(*arguments: object) -> Any:
+    return app([str(argument) for argument in arguments], exit_on_error=True, result_action="return_value")
+
+
+def by_the_library(file: Path) -> list[tuple[str, int, int, bytes]]:
+    """All messages, as the mcap library reads them, in the order of the file."""
+    with file.open("rb") as stream:
+        found = NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(channel.topic, message.log_time, message.sequence, message.data) for _, channel, message in found]
+
+
+def by_us(file: Path) -> list[tuple[str, int, int, bytes]]:
+    with LogReader(file) as reader:
+        found = [
+            (reader.channel(message.channel).topic, message.log_ns, message.sequence, message.data)
+            for _, messages in reader.chunks()
+            for message in messages
+        ]
+        assert reader.losses() == []
+        return found
+
+
+def test_what_is_read_of_a_foreign_log_is_what_the_mcap_library_reads(file: Path) -> None:
+    found = by_us(file)
+    assert found == by_the_library(file)
+    assert len(found) >= COUNT
+
+
+def test_info_counts_the_topics_of_a_foreign_log(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("info", file, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    counts = Counter(topic for topic, *_ in by_the_library(file))
+    assert {topic["topic"]: topic["messages"] for topic in found["topics"]} == counts
+    assert found["duration_s"] == pytest.approx((COUNT - 1) * STEP_NS / 1e9)
+    assert found["start_s"] == 0.0
+    assert found["is_foreign"]
+    assert run("info", file) == 0
+    assert "not by GLOC3: times count from its first message" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "needed"),
+    [
+        (("commands",), "requests of stations"),
+        (("why", "3"), "events"),
+        (("plot",), "position"),
+        (("plot", "components"), "states of components"),
+        (("replay", "pose"), "recorded inputs"),
+        (("report",), "pictures with poses"),
+        (("fork", "--at", "3", "--fault", "battery"), "simulated flight"),
+    ],
+)
+def test_each_subcommand_says_what_a_foreign_log_lacks(arguments: tuple[str, ...], needed: str, tmp_path: Path) -> None:
+    file = tmp_path / "other.mcap"
+    FOREIGN["without a summary"](file)
+    name, *rest = arguments
+    given = ["--out", str(tmp_path / "out")] if name == "fork" else []
+    with pytest.raises(Refused, match=f"written by a survey tool 2.0, not by GLOC3: it has no {needed}"):
+        run(name, file, *rest, *given)
+
+
+def test_a_json_topic_of_a_foreign_log_is_a_series_and_other_encodings_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "other.mcap"
+    FOREIGN["without a summary"](file)
+    with LogReader(file) as reader:
+        (series,) = read_series(reader, "thing", ["inner.list[1]"])
+        with pytest.raises(Refused, match="only topics in JSON can be drawn"):
+            read_series(reader, "raw", [])
+    assert series.values == [float(index) for index in range(COUNT)]
+    assert series.t_s[:2] == [0.0, STEP_NS / 1e9]
+
+
+def test_recovering_a_foreign_log_keeps_its_messages_and_its_profile(file: Path, tmp_path: Path) -> None:
+    target = tmp_path / "recovered.mcap"
+    assert run("recover", file, target) == 0
+    assert by_the_library(target) == by_the_library(file)
+    with file.open("rb") as before, target.open("rb") as after:
+        assert make_reader(after).get_header().profile == make_reader(before).get_header().profile
+
+
+@pytest.mark.parametrize("how", [{}, NO_SUMMARY, {"use_chunking": False}])
+def test_our_log_copied_by_another_program_is_still_ours(how: dict[str, Any], tmp_path: Path) -> None:
+    data, sent = small_log(60)
+    file = tmp_path / "log.mcap"
+    file.write_bytes(by_another(data, **how))
+    with LogReader(file) as reader:
+        assert not reader.is_foreign
+        assert [entry.envelope for entry in reader.entries()] == sent
+        assert reader.losses() == []
+
+
+def test_a_log_of_ours_without_a_command_interface_is_not_one_without_commands(tmp_path: Path) -> None:
+    file = tmp_path / "log.mcap"
+    file.write_bytes(small_log()[0])
+    with pytest.raises(Refused, match="has no requests of stations: no topic ci/\\* is recorded in it"):
+        run("commands", file)

@@ -206,7 +206,8 @@ class PilotWatch:
                 FlightMode.MISSION,
             )
             settles = may_settle and state.mode is FlightMode.HOLD
-            has_landed = self._expected is FlightMode.LAND and state.mode_name in self.lands_into
+            lands = self._expected is FlightMode.LAND or FlightMode.LAND in self._commanded  # at once: it was not seen
+            has_landed = lands and state.mode_name in self.lands_into
             returns = may_return and state.mode is FlightMode.GUIDED
             settles = settles or (may_come_down and state.mode in _COMING_DOWN and not state.is_failsafe)
             if self._holds_after_gap(before, state, now_s):

@@ -1,4 +1,7 @@
-"""The companion dies in flight: the station, which hears the autopilot on a link of its own, brings the vehicle down."""
+"""The companion dies in flight: the station, which hears the autopilot on a link of its own, sends it home.
+
+The companion that comes back is told whose command that was.
+"""
 
 import asyncio
 import os
@@ -89,7 +92,12 @@ async def test_hold_return_and_land_go_to_the_autopilot_itself(style: str, tmp_p
             await comes(lambda: seen().mode in ("AUTO.LOITER", "BRAKE"))
             assert await desk.autopilots.act(name, Action.RETURN), told()
             await comes(lambda: seen().mode in ("AUTO.RTL", "RTL"))
-            assert await desk.emergency(name, EmergencyVerb.LAND), told()
-            await comes(lambda: not seen().is_armed)
+            with program(*onboard, folder=tmp_path):
+                await comes(lambda: here().is_known and not here().is_quiet_link(fleet.now_s()), 20.0)
+                await comes(lambda: seen().is_operators or not seen().is_armed, 30.0)
+                assert [text for text in told() if "sent return to the autopilot" in text], "\n".join(told()[-12:])
+                if seen().is_armed:
+                    assert await desk.emergency(name, EmergencyVerb.LAND), told()
+                await comes(lambda: not seen().is_armed)
         finally:
             await ground.close()

@@ -5,8 +5,10 @@ from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.exchange import Publisher
-from gloc3.messages.command_interface import CiRequest, CommandComponent, Outcome, Query, Steer
+from gloc3.messages.command_interface import CiRequest, CommandComponent, DirectCommand, Outcome, Query, Steer
 from gloc3.messages.vehicle import FlightMode
+from gloc3_sitl.autopilot.modes import Behaviour
+from gloc3_sitl.autopilot.verdict import Author
 
 HOME_M = 0.3
 TWO_WAYS = (
@@ -132,6 +134,54 @@ def test_a_pilot_who_took_over_while_the_process_was_away_keeps_control(flight: 
     flight.always(lambda: flight.autopilot.mode is FlightMode.MANUAL, 6.0, "the mode stays the pilot's")
     assert flight.state("mission") == "paused"
     assert flight.mission.policy == "pilot"
+
+
+def set_mode(flight: Card, behaviour: Behaviour) -> None:
+    """What a station sends by the autopilot's own link, while the process is away."""
+    autopilot = flight.flight.simulator.autopilot
+    mode = next(mode.custom_mode for mode in autopilot.style.modes if mode.behaviour is behaviour)
+    autopilot.commander.set_mode(mode, Author.COMMAND)
+
+
+def test_a_return_that_an_operator_sent_meanwhile_is_no_pilot_s(flight: Card) -> None:
+    flight.begin(mission(on_restart="continue", on_link_loss="hold", link_loss_after_s="1"))
+    flight.await_state("sweep", "running")
+    flight.wait(1.0)
+    flight.fault("restart", for_s=3.0)
+    flight.wait(1.0)
+    set_mode(flight, Behaviour.RETURN)
+    flight.wait(3.0)
+    flight.until(lambda: flight.driver.has_pilot_control, 4.0, "the driver sees that somebody else chose a mode")
+    flight.await_policy("pilot", 4.0)
+    assert flight.request(DirectCommand(command="return", author="station 255")).outcome is Outcome.ACCEPTED
+    assert flight.was_told("station 255 sent return to the autopilot while this process was not heard")
+    flight.await_policy("operator", 1.0)
+    flight.until(lambda: flight.last("ci/vehicle").is_operators, 1.5, "the station is told")
+    flight.fault("link_loss", for_s=2.0)  # its policy, hold, is milder than the return that is under way
+    flight.always(lambda: flight.autopilot.mode is FlightMode.RETURN, 2.2, "the operator's return goes on")
+    assert flight.was_told("link lost")
+    flight.fault("pilot:position")
+    flight.await_policy("pilot", 2.0)
+    flight.until(lambda: not flight.last("ci/vehicle").is_operators, 1.5, "the station is told")
+
+
+def test_a_hold_that_an_operator_sent_meanwhile_keeps_the_mission_paused(flight: Card) -> None:
+    flight.begin(mission(on_restart="continue"))
+    flight.await_state("sweep", "running")
+    flight.wait(1.0)
+    flight.fault("restart", for_s=3.0)
+    flight.wait(1.0)
+    set_mode(flight, Behaviour.HOLD if flight.style == "px4" else Behaviour.BRAKE)
+    flight.wait(4.0)
+    told = DirectCommand(command="hold", author="station 255")
+    while flight.request(told).outcome is not Outcome.ACCEPTED:  # until the process knows its mission again
+        assert flight.now_s < 30.0
+        flight.wait(0.5)
+    flight.await_state("mission", "paused", 2.0)
+    flight.always(lambda: flight.state("mission") == "paused", 6.0, "it waits for an operator")
+    assert flight.speed_m_s < 0.1
+    flight.command("resume")
+    flight.await_state("mission", "done", 40.0)
 
 
 # --- requests run at most once ---

@@ -28,7 +28,7 @@ _RECEIPT: Final = struct.Struct(">IB")
 _TAG_BYTES: Final = 4
 _NOTHING: Final = 255
 _STATES: Final = ("", *(str(state) for state in ActionState))
-_POLICIES: Final = ("", "pilot", *(str(policy) for policy in Policy), "failsafe")
+_POLICIES: Final = ("", "pilot", *(str(policy) for policy in Policy), "failsafe", "operator")
 _HEALTHS: Final = tuple(Health)
 
 

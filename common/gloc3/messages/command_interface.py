@@ -141,6 +141,14 @@ class Emergency(RequestBody, frozen=True):
     """With disarm: the platform's name, typed."""
 
 
+class DirectCommand(RequestBody, frozen=True):
+    """What a station has commanded the autopilot itself while the onboard process was silent; told when that is back."""
+
+    command: str
+    """In words: `return`, `go to 47.4, 8.5, 20`."""
+    author: str = ""
+
+
 class NearbyVehicle(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """Another vehicle in the air near a platform."""
 
@@ -259,6 +267,7 @@ AnyBody = (
     | CallFunction
     | Control
     | Emergency
+    | DirectCommand
     | Elsewhere
     | Query
     | Hello

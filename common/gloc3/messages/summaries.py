@@ -148,6 +148,8 @@ class VehicleSummary(Message, frozen=True):
     """How good the position is, 0 to 100; -1 where that is not known."""
     is_failsafe: bool = False
     """`has_pilot_control` because the autopilot's failsafe has chosen a mode, not a pilot."""
+    is_operators: bool = False
+    """`has_pilot_control` because an operator has commanded the autopilot itself while the process was silent."""
 
 
 class MissionSummary(Message, frozen=True):

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages.command_interface import EmergencyVerb
+from gloc3.messages.command_interface import DirectCommand, EmergencyVerb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3_groundstation.desk.control import holder_of, require_control, require_operator
@@ -14,8 +14,8 @@ from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
 BY_ITSELF: Final = (
-    "its onboard process is silent: this goes to the autopilot itself; when the process is back, it takes it for a "
-    "pilot's, and the mission stays paused until it is resumed"
+    "its onboard process is silent: this goes to the autopilot itself; when the process is back, it is told whose "
+    "command it was, and the mission stays paused until it is resumed"
 )
 EMERGENCIES: Final = {
     EmergencyVerb.HOLD: Action.HOLD,
@@ -119,6 +119,9 @@ class AutopilotDesk:
         else:
             await services.actions.act(action, *values_of(action, typed, platform))
         self._station.note(name, Severity.NOTICE, f"{in_words(action, typed)}: accepted by the autopilot")
+        if platform is not None and platform.has_companion and action not in KEEP_THE_MODE:
+            author = f"station {self._station.id}"
+            self._station.notify_when_back(name, DirectCommand(command=in_words(action, typed), author=author))
 
     async def set_home(self, name: str, place: GeoPoint) -> None:
         """Moves the home of a vehicle's autopilot, also of one with a companion; read back at the end.

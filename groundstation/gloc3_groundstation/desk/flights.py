@@ -32,7 +32,7 @@ LANDED_S: Final = 5.0
 """Time disarmed on the ground after which a flight taken over by a pilot counts as ended, s."""
 OTHERS_S: Final = 1.5
 """Time after the first contact in which other platforms are heard, too, s: each sends once a second."""
-TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe"}
+TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe", "operator": "an operator"}
 """Who may end a flight in place of its mission, by the word with which the mission's policy or reason says so."""
 
 

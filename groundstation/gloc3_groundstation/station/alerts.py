@@ -234,7 +234,8 @@ def _vehicle_causes(platform: PlatformSnapshot, now_s: float, *, is_settled: boo
         text = "no autopilot: the companion receives nothing from it; check its cable, and gloc3 onboard --autopilot"
         yield AlertCause(name, Cause.AUTOPILOT, Severity.CRITICAL, text)
     if is_settled and vehicle.has_pilot_control:
-        advice = "to take it back" if vehicle.is_failsafe else "when the vehicle is handed back"
+        is_handed_back = not (vehicle.is_failsafe or vehicle.is_operators)
+        advice = "when the vehicle is handed back" if is_handed_back else "to take it back"
         text = f"{wording.controller(vehicle)} has control; resume {advice}"
         yield AlertCause(name, Cause.FAILSAFE if vehicle.is_failsafe else Cause.PILOT, Severity.WARNING, text)
     if is_settled and vehicle.is_armed and not vehicle.is_pose_valid and platform.has_companion:

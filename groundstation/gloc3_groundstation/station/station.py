@@ -7,7 +7,7 @@ from typing import Any, Final
 from gloc3.clock import Clock
 from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.exchange.base import Exchange, Unsubscribe
-from gloc3.messages.command_interface import Elsewhere, Hello, ReadReports
+from gloc3.messages.command_interface import DirectCommand, Elsewhere, Hello, Outcome, ReadReports
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.motion import MotionSummary
 from gloc3.messages.software import own_software
@@ -23,6 +23,9 @@ from gloc3_groundstation.station.neighbours import NeighbourRelay
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 HELLO_EVERY_S: Final = 3.0
+NOTIFY_PERIOD_S: Final = 1.0
+NOTIFY_FOR_S: Final = 120.0
+"""How long an onboard process that is back is told what it has missed: longer than it takes to know its mission again."""
 
 Listener = Callable[[Fleet, Fleet, float], None]
 """Called with the fleet before a change, the fleet after it, and the time."""
@@ -100,6 +103,8 @@ class Station:
         self.feed: Final = feed or EventFeed()
         """Up to where the events of each platform have been shown."""
         self._requested_s: dict[str, float] = {}
+        self._untold: dict[str, DirectCommand] = {}
+        """What was commanded to the autopilots of silent onboard processes."""
         self._unsubscribes: list[Unsubscribe] = [
             exchange.subscribe(f"*/{topic}", self._receive) for topic in reducers.CONTACT_TOPICS
         ]
@@ -141,12 +146,36 @@ class Station:
         self.monitor.close()
         self.client.close()
 
+    def notify_when_back(self, name: str, command: DirectCommand) -> None:
+        """Has a silent onboard process told, when it is heard again, what was commanded to its autopilot meanwhile.
+
+        Args:
+            name: of the platform.
+            command: the last one; it takes the place of those before.
+        """
+        self._untold[name] = command
+
+    async def _notify(self, name: str, command: DirectCommand) -> None:
+        """Tells it until it is accepted: a process that has just started takes some seconds to know its mission."""
+        until_s = self.now_s() + NOTIFY_FOR_S
+        while True:
+            reply = await self.client.request(name, command)
+            if reply.outcome is Outcome.ACCEPTED:
+                return
+            if self.now_s() > until_s:
+                text = f"was not told of the command {command.command!r} to its autopilot ({reply.reason})"
+                self.note(name, Severity.WARNING, f"{text}: it takes it for a pilot's")
+                return
+            await asyncio.sleep(NOTIFY_PERIOD_S)
+
     def _receive(self, envelope: Envelope[Any]) -> None:
         now_s = self.now_s()
         name = envelope.topic.partition("/")[0]
         before = self.fleet.get(name)
         if before is not None and before.is_quiet_link(now_s):
             self.feed.note_contact(name, now_s)
+            if (untold := self._untold.pop(name, None)) is not None:
+                self._start(self._notify(name, untold))
         self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
         if isinstance(envelope.payload, CiEvent) and envelope.payload.number:
             self._show(name, self.feed.event(name, envelope.payload, now_s))

@@ -129,8 +129,10 @@ def armed(vehicle: VehicleSummary) -> str:
 
 
 def controller(vehicle: VehicleSummary) -> str:
-    """Who has control in place of the mission: `the pilot`, or `the autopilot's failsafe`."""
-    return "the autopilot's failsafe" if vehicle.is_failsafe else "the pilot"
+    """Who has control in place of the mission: `the pilot`, `an operator`, or `the autopilot's failsafe`."""
+    if vehicle.is_failsafe:
+        return "the autopilot's failsafe"
+    return "an operator, at the autopilot itself," if vehicle.is_operators else "the pilot"
 
 
 def arming(vehicle: VehicleSummary) -> str:

@@ -14,6 +14,7 @@ from gloc3.errors import Finding, Refused
 from gloc3.messages.command_interface import (
     CiReply,
     CiRequest,
+    DirectCommand,
     Elsewhere,
     Emergency,
     EmergencyVerb,
@@ -280,6 +281,11 @@ class MissionCommands:
                     raise Refused(f"to disarm, type the platform's name: {self._platform.platform}")
                 self._disarm(author, executor, now_s)
         return answer(request, reason=f"emergency {body.verb} by {author}")
+
+    def operated(self, request: CiRequest, body: DirectCommand, now_s: float) -> CiReply:
+        """What an operator has commanded the autopilot itself is no pilot's."""
+        self._host.operated(self.executor, f"{body.author or f'station {request.sender}'} sent {body.command}", now_s)
+        return answer(request)
 
     def _disarm(self, author: str, executor: MissionExecutor, now_s: float) -> None:
         self._report_text(Severity.ALERT, f"emergency disarm by {author}")

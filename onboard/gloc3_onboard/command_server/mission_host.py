@@ -1,5 +1,6 @@
 """The mission host: restores the executor, updates its state, and carries out its requests to components."""
 
+from collections.abc import Mapping
 from math import hypot, inf
 from typing import Any, Final
 
@@ -17,7 +18,8 @@ from gloc3.messages.vehicle import (
     MotionGrant,
     TakeOver,
 )
-from gloc3.mission.executing.executor import UNATTENDED_S, MissionExecutor, Verb
+from gloc3.mission.executing.board import UNATTENDED_S
+from gloc3.mission.executing.executor import MissionExecutor, Verb
 from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.executing.requests import (
     Cancel,
@@ -48,6 +50,12 @@ DIRECT_PERIOD_S: Final = 2.0
 """How often the autopilot is asked for its own landing until it lands."""
 DRIVER_SILENT_S: Final = 2.0
 """What a driver that has not reported for so long was doing says nothing of the present; it reports at 5 Hz."""
+BY_ITSELF: Final[Mapping[FlightMode, frozenset[FlightMode]]] = {
+    FlightMode.TAKE_OFF: frozenset({FlightMode.HOLD}),
+    FlightMode.MISSION: frozenset({FlightMode.HOLD, FlightMode.RETURN, FlightMode.LAND}),
+    FlightMode.RETURN: frozenset({FlightMode.HOLD, FlightMode.LAND}),
+}
+"""Modes to which an autopilot goes over at the end of what it was commanded."""
 COME_UP_S: Final = 30.0
 """After a restart: how long components that are still coming up are waited for before the mission is taken up."""
 
@@ -99,11 +107,18 @@ class MissionHost:
         """When we had control last, or somebody was heard who may be the pilot."""
         self._gap_s = 0.0
         """Of the last gap that was reported."""
+        self._operated = FlightMode.OTHER
+        """Mode that an operator has commanded the autopilot itself; what follows from it is the operator's, too."""
 
     @property
     def policy(self) -> str:
         """The policy that is being carried out; empty where none is."""
         return self.executor.policy if self.executor is not None else ""
+
+    @property
+    def is_operators(self) -> bool:
+        """Whether an operator has control, who commanded the autopilot itself."""
+        return self.executor is not None and self.executor.board.is_operator
 
     @property
     def is_mission_unknown(self) -> bool:
@@ -237,11 +252,14 @@ class MissionHost:
                 executor.failsafe_landed(now_s)
             elif autopilot.mode is FlightMode.HOLD:
                 executor.failsafe_holds(now_s)
-        is_there = autopilot is None or autopilot.has_transmitter
+        is_operators = self._is_operators(executor, autopilot, now_s)
+        is_there = (autopilot is None or autopilot.has_transmitter) and not is_operators
         if not driver.has_pilot_control or is_there or self._attended_s is None:
             self._attended_s = now_s
-        self._attended_s = max(self._attended_s, self._control.others_received_s())
-        if driver.has_pilot_control and now_s - self._attended_s >= UNATTENDED_S and not _brings_down(autopilot):
+        if not is_operators:
+            self._attended_s = max(self._attended_s, self._control.others_received_s())
+        is_attended = not is_operators and now_s - self._attended_s < UNATTENDED_S
+        if driver.has_pilot_control and not is_attended and not _brings_down(autopilot, is_operators=is_operators):
             is_held = autopilot is not None and autopilot.mode is FlightMode.HOLD
             executor.unattended(now_s - self._attended_s, now_s, is_held=is_held)
         if driver.held_after_gap_s not in (0.0, self._gap_s):
@@ -250,6 +268,22 @@ class MissionHost:
             )
             self._report(Severity.WARNING, text)
         self._gap_s = driver.held_after_gap_s
+
+    def operated(self, executor: MissionExecutor, what: str, now_s: float) -> None:
+        """An operator has commanded the autopilot itself: `station 255 sent return`."""
+        autopilot = self._observing.snapshot.known_autopilot
+        self._operated = autopilot.mode if autopilot is not None else FlightMode.OTHER
+        executor.operated(what, now_s)
+
+    def _is_operators(self, executor: MissionExecutor, autopilot: AutopilotState | None, now_s: float) -> bool:
+        """Whether an operator's command to the autopilot still governs it: a mode that does not follow is a pilot's."""
+        if not executor.board.is_operator or autopilot is None or autopilot.mode is self._operated:
+            return executor.board.is_operator
+        if autopilot.mode in BY_ITSELF.get(self._operated, ()):
+            self._operated = autopilot.mode
+            return True
+        executor.pilot_after_operator(f"mode {autopilot.mode_name} was chosen by another party", now_s)
+        return False
 
     def _report_uncertainty(self, executor: MissionExecutor) -> None:
         """Says once, at the end of a mission, where the position is less certain than its waypoints needed."""
@@ -332,9 +366,10 @@ class MissionHost:
         return MissionPorts.function.report(message, key=component)
 
 
-def _brings_down(autopilot: AutopilotState | None) -> bool:
-    """Whether the autopilot's failsafe already returns or lands the vehicle, which no milder policy interrupts."""
-    return autopilot is not None and autopilot.is_failsafe and autopilot.mode in (FlightMode.RETURN, FlightMode.LAND)
+def _brings_down(autopilot: AutopilotState | None, *, is_operators: bool) -> bool:
+    """Whether its failsafe, or an operator's command, already returns or lands the vehicle: no milder policy interrupts."""
+    is_theirs = autopilot is not None and (autopilot.is_failsafe or is_operators)
+    return autopilot is not None and is_theirs and autopilot.mode in (FlightMode.RETURN, FlightMode.LAND)
 
 
 def was_running(kept: Snapshot | None) -> bool:

@@ -150,7 +150,8 @@ class Reporting:
         if reports.is_due("grant", settings.grant_period_s, now_s):
             results.append(host.granted)
         if reports.is_due("summary", settings.summary_period_s, now_s):
-            results += [observing.book.summary(observing.health, now_s), vehicle_summary(platform, snapshot, now_s)]
+            vehicle = vehicle_summary(platform, snapshot, now_s, is_operators=host.is_operators)
+            results += [observing.book.summary(observing.health, now_s), vehicle]
         if reports.is_due("motion", settings.motion_period_s, now_s):
             motion = motion_summary(platform, snapshot, now_s)
             results += [] if motion is None else [motion]
@@ -179,7 +180,7 @@ class Reporting:
         is_silent = observing.snapshot.is_airborne and contacts.is_alone(now_s)
         if not contacts.has_reports and not contacts.is_due(now_s, is_silent=is_silent):
             return []
-        vehicle = vehicle_summary(self._site.platform, observing.snapshot, now_s)
+        vehicle = vehicle_summary(self._site.platform, observing.snapshot, now_s, is_operators=host.is_operators)
         mission = mission_summary(host.executor, host.counts)
         if is_silent:
             self._events.add(contacts.status(vehicle, mission, now_s))

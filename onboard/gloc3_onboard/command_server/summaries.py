@@ -151,8 +151,10 @@ def _would_arm(autopilot: AutopilotState) -> bool:
     return autopilot.is_armed or (autopilot.is_armable and not autopilot.doubts)
 
 
-def vehicle_summary(platform: Platform, snapshot: VehicleState, now_s: float) -> VehicleSummary:
-    """The vehicle at a glance."""
+def vehicle_summary(
+    platform: Platform, snapshot: VehicleState, now_s: float, *, is_operators: bool = False
+) -> VehicleSummary:
+    """The vehicle at a glance; whose control it is in, if not the mission's, knows the executor alone."""
     autopilot, pose, driver = snapshot.autopilot, snapshot.pose, snapshot.driver
     position, geo, frame, speed_m_s, heading_deg = (0.0, 0.0, 0.0), None, "", 0.0, 0
     if pose is not None:
@@ -183,6 +185,7 @@ def vehicle_summary(platform: Platform, snapshot: VehicleState, now_s: float) ->
         pose_sources=list(pose.sources) if pose is not None else [],
         pose_quality_percent=round(100.0 * pose.quality) if pose is not None else -1,
         is_failsafe=driver is not None and driver.has_pilot_control and driver.is_failsafe,
+        is_operators=driver is not None and driver.has_pilot_control and is_operators,
         is_armable=snapshot.is_autopilot_known and autopilot is not None and _would_arm(autopilot),
     )
 

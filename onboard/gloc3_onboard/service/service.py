@@ -199,6 +199,6 @@ def _vehicle(vehicle: VehicleSummary) -> str:
     if not vehicle.is_autopilot_connected:
         return "no autopilot is connected"
     armed = "armed" if vehicle.is_armed else "disarmed"
-    who = "the autopilot's failsafe" if vehicle.is_failsafe else "a pilot"
+    who = "the autopilot's failsafe" if vehicle.is_failsafe else "an operator" if vehicle.is_operators else "a pilot"
     pilot = f", {who} has control" if vehicle.has_pilot_control else ""
     return f"{armed}, {vehicle.landed.replace('_', ' ')}, {vehicle.mode}{pilot}"

@@ -110,6 +110,50 @@ def test_a_mission_whose_vehicle_a_pilot_has_landed_is_not_resumed(rig: Rig) -> 
     assert rig.under_way == {}
 
 
+# an operator at the autopilot itself
+
+SENT = "station 255 sent return"
+
+
+def test_a_mode_that_an_operator_chose_is_no_pilot_s_and_the_safety_policies_apply(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.executor.operated(SENT, rig.now_s)
+    rig.arise(PolicyCondition.LINK_LOST)
+    assert (rig.executor.policy, rig.state(), rig.running()) == ("operator", "paused", [])
+    rig.executor.unattended(0.0, rig.now_s)
+    rig.settle()
+    assert rig.taken_back == 1
+    assert rig.executor.policy not in ("operator", "pilot", "")
+
+
+def test_a_hold_that_was_taken_for_ours_pauses_the_mission_by_an_operator(rig: Rig) -> None:
+    rig.executor.operated("station 255 sent hold", rig.now_s)
+    rig.settle()
+    assert rig.executor.mission is not None
+    assert (rig.state(), rig.executor.mission.reason, rig.executor.policy) == ("paused", "by an operator", "")
+    rig.steer("resume")
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
+def test_the_emergency_key_overrules_what_an_operator_sent_and_never_a_pilot(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.executor.operated(SENT, rig.now_s)
+    rig.executor.pilot_after_operator("mode stabilize", rig.now_s)
+    rig.executor.emergency("land", "ann", rig.now_s)
+    rig.settle()
+    assert (rig.executor.policy, rig.taken_back) == ("pilot", 0)
+    rig.executor.operated(SENT, rig.now_s)
+    rig.executor.emergency("land", "ann", rig.now_s)
+    rig.settle()
+    assert (rig.executor.policy, rig.taken_back) == ("land", 1)
+
+
+def test_a_failsafe_s_mode_stays_the_failsafe_s(rig: Rig) -> None:
+    failsafe(rig)
+    rig.executor.operated(SENT, rig.now_s)
+    assert rig.executor.policy == "failsafe"
+
+
 # the autopilot's failsafe
 
 

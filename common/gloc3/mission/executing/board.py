@@ -50,6 +50,8 @@ _CAUSES: Final = {
     PolicyCondition.POSE_LOST: Cause.POSITION,
 }
 
+UNATTENDED_S: Final = 30.0
+"""A pilot who has control and of whom nothing is heard for so long has left the vehicle to the policies (DESIGN §7)."""
 SAFETY: Final = frozenset(
     {PolicyCondition.LINK_LOST, PolicyCondition.LOW_BATTERY, PolicyCondition.POSE_LOST, PolicyCondition.FENCE_BREACHED}
 )
@@ -158,6 +160,8 @@ class Board:
         """A pilot has control, and no operator has resumed since."""
         self.is_failsafe = False
         """With `has_pilot`: it is the autopilot's failsafe that has control."""
+        self.is_operator = False
+        """With `has_pilot`: an operator has commanded the autopilot itself."""
         self.is_taking_back = False
         """An operator has just resumed; the driver has to be notified."""
         self.conditions: Final[dict[PolicyCondition, str]] = {}
@@ -195,7 +199,12 @@ class Board:
     @property
     def controller(self) -> str:
         """Who has control in place of the mission."""
-        return "the autopilot's failsafe" if self.is_failsafe else "the pilot"
+        return {"failsafe": "the autopilot's failsafe", "operator": "an operator"}.get(self.in_control, "the pilot")
+
+    @property
+    def in_control(self) -> str:
+        """With `has_pilot`: `pilot`, `operator` or `failsafe`."""
+        return "failsafe" if self.is_failsafe else "operator" if self.is_operator else "pilot"
 
     def find(self, target: str) -> MissionItem:
         """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`.

@@ -13,9 +13,9 @@ from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.messages.summaries import Cause, component_cause
-from gloc3.mission.executing import amending, elsewhere, flow, manoeuvres, reactions, steering
+from gloc3.mission.executing import amending, elsewhere, flow, manoeuvres, reactions, steering, takeovers
 from gloc3.mission.executing.assignments import Assignment
-from gloc3.mission.executing.board import BY_OPERATOR, SAFETY, Board, PolicyCondition
+from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition
 from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
 from gloc3.mission.executing.requests import Grant, Persist, ReclaimMotion, Request
 from gloc3.mission.executing.snapshot import Snapshot
@@ -23,14 +23,11 @@ from gloc3.mission.model.conditions import Readings
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.model import Mission
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import ENDED_BY_FAILSAFE, OURS, ActionState, StateTrigger
+from gloc3.mission.model.states import OURS, ActionState, StateTrigger
 from gloc3.platform.platform import Platform
 
 PROGRESS_STEP: Final = 0.05
 """Progress of an action after which it is written to disk; also written on each achievement."""
-
-UNATTENDED_S: Final = 30.0
-"""A pilot who has control and of whom nothing is heard for so long has left the vehicle to the policies (DESIGN §7)."""
 
 Verb = Literal["start", "pause", "resume", "cancel"]
 
@@ -161,7 +158,9 @@ class MissionExecutor:
         board, policy = self.board, Policy.HOLD if kind == "hold" else Policy.LAND
         with board.because(Cause.EMERGENCY):
             board.report(Severity.ALERT, f"emergency {kind} by {author}")
-            if board.has_pilot:
+            if board.is_operator:
+                takeovers.take_back(board)
+            elif board.has_pilot:
                 board.report(Severity.WARNING, f"{board.controller} has control: no action taken")
                 return
             manoeuvres.apply(board, policy, f"emergency {kind} by {author}", now_s, StateTrigger.ABORT, is_ordered=True)
@@ -290,66 +289,36 @@ class MissionExecutor:
             return
         self._reported = (has_control, is_failsafe)
         if has_control:
-            board.has_pilot, board.is_failsafe, board.is_changed = True, is_failsafe, True
-            why = Cause.FAILSAFE if is_failsafe else Cause.PILOT
-            with board.because(why):
-                board.report(Severity.WARNING, f"{board.controller} has control: {reason}")
-                manoeuvres.clear(board, now_s)
-                for program in board.programs.values():
-                    if program.is_mission:
-                        board.halt(program, program.level, now_s, f"{why}: {reason}")
-                    else:
-                        manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, why)
+            takeovers.begin(board, reason, now_s, is_failsafe=is_failsafe)
         self.settle(now_s)
+
+    def operated(self, what: str, now_s: float) -> None:
+        """An operator has commanded the autopilot itself, while this process was silent: `station 255 sent return`."""
+        takeovers.operated(self.board, what, now_s)
+        self.settle(now_s)
+
+    def pilot_after_operator(self, reason: str, now_s: float) -> None:
+        """A pilot has taken over from what an operator had commanded."""
+        if self.board.is_operator:
+            takeovers.begin(self.board, reason, now_s, is_failsafe=False)
+            self.settle(now_s)
 
     def failsafe_holds(self, now_s: float) -> None:
         """Changes to the policy hold when the autopilot's failsafe holds the vehicle and no pilot has control."""
-        board = self.board
-        if board.has_pilot and board.is_failsafe:
-            self._take_back()
-            with board.because(Cause.FAILSAFE):
-                manoeuvres.apply(board, Policy.HOLD, "held by the autopilot's failsafe", now_s)
+        if self.board.has_pilot and self.board.is_failsafe:
+            takeovers.failsafe_holds(self.board, now_s)
             self.settle(now_s)
 
     def failsafe_landed(self, now_s: float) -> None:
         """Ends all programs after the autopilot's failsafe has landed and disarmed the vehicle."""
-        board = self.board
-        if board.has_pilot and board.is_failsafe:
-            for program in board.programs.values():
-                manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, ENDED_BY_FAILSAFE)
-            self._take_back()
+        if self.board.has_pilot and self.board.is_failsafe:
+            takeovers.failsafe_landed(self.board, now_s)
             self.settle(now_s)
 
     def unattended(self, silent_s: float, now_s: float, *, is_held: bool = False) -> None:
-        """Nobody has been heard who could fly: the safety policies answer what waits for the pilot's end.
-
-        A vehicle that only holds has a time, too: it lands after a further `hold_s`.
-
-        Args:
-            silent_s: how long nobody has been heard.
-            now_s: the time.
-            is_held: whether the autopilot holds the vehicle, rather than that it is flown somewhere.
-        """
-        board = self.board
-        waiting = {one: reason for one, reason in board.unanswered.items() if one in SAFETY}
-        is_over = is_held and board.is_airborne and silent_s >= UNATTENDED_S + board.policies.hold_s
-        if not board.has_pilot or board.is_failsafe or not (waiting or is_over):
-            return
-        for condition in waiting:
-            del board.unanswered[condition]
-        self._take_back()
-        who = "neither a transmitter nor another station"
-        with board.because(Cause.PILOT):
-            board.report(Severity.WARNING, f"{who} was heard for {silent_s:.0f} s: the mission's policies apply")
-            for condition, reason in waiting.items():
-                reactions.apply_policy(board, condition, reason, now_s)
-            if is_over:
-                manoeuvres.apply(board, Policy.LAND, "held, and nobody in charge", now_s)
+        """Nobody is there who could fly; arguments as of `takeovers.unattended`."""
+        takeovers.unattended(self.board, silent_s, now_s, is_held=is_held)
         self.settle(now_s)
-
-    def _take_back(self) -> None:
-        board = self.board
-        board.has_pilot, board.is_failsafe, board.is_taking_back, board.is_changed = False, False, True, True
 
     def condition(self, condition: PolicyCondition, is_on: bool, reason: str, now_s: float) -> None:
         """Whether a condition holds; its policy is carried out once, when it arises."""
@@ -420,9 +389,9 @@ class MissionExecutor:
 
     @property
     def policy(self) -> str:
-        """The policy that is being carried out, `pilot` or `failsafe` while one has control; empty in normal flight."""
+        """The policy that is being carried out, `pilot`, `operator` or `failsafe` while one has control; empty in normal flight."""
         if self.board.has_pilot:
-            return "failsafe" if self.board.is_failsafe else "pilot"
+            return self.board.in_control
         manoeuvre = self.board.manoeuvre
         if manoeuvre is None:
             return ""

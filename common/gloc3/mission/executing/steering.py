@@ -16,7 +16,7 @@ def take_back(board: Board, now_s: float) -> None:
     mission = board.mission
     if mission is not None and mission.state is ActionState.PAUSED:
         check_resumable(board, mission)
-    board.has_pilot = board.is_failsafe = False
+    board.has_pilot = board.is_failsafe = board.is_operator = False
     board.is_taking_back = True
     unanswered = dict(board.unanswered)
     board.unanswered.clear()

@@ -151,7 +151,8 @@ def _facts(view: StationView) -> list[Line]:
         if not vehicle.is_autopilot_connected:
             snapshot.insert(0, ("autopilot", Span("NOT CONNECTED", stale or Tone.BAD)))
         if vehicle.has_pilot_control:
-            snapshot.insert(0, ("failsafe" if vehicle.is_failsafe else "pilot", Span("HAS CONTROL", stale or Tone.BAD)))
+            who = "failsafe" if vehicle.is_failsafe else "operator" if vehicle.is_operators else "pilot"
+            snapshot.insert(0, (who, Span("HAS CONTROL", stale or Tone.BAD)))
         if vehicle.frame:
             snapshot.append(("frame", Span(vehicle.frame, stale or Tone.TEXT)))
     snapshot += [(name[:10], Span(text)) for name, text in view.further]

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from gloc3.mission.checking import space_check
-from gloc3.mission.executing import failures, flow, manoeuvres, reactions, restore
+from gloc3.mission.executing import failures, flow, manoeuvres, reactions, restore, takeovers
 from gloc3.mission.executing.assignments import Assignments
 from gloc3.mission.executing.board import Board
 from gloc3.mission.executing.executor import MissionExecutor
@@ -50,8 +50,8 @@ MUTANTS = (
     Mutant("a milder policy wins", manoeuvres.apply, "SEVERITY[current.policy] >= SEVERITY[policy]", "False", seed=72),
     Mutant(
         "a pilot is not noticed",
-        MissionExecutor.pilot,
-        "board.has_pilot, board.is_failsafe, board.is_changed = True, is_failsafe, True",
+        takeovers.begin,
+        "board.has_pilot, board.is_failsafe, board.is_operator, board.is_changed = True, is_failsafe, False, True",
         "pass",
         seed=42,
     ),

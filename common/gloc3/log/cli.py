@@ -14,6 +14,7 @@ from gloc3.installed import installed_points
 from gloc3.log.causes import TOPICS as HAPPENINGS
 from gloc3.log.causes import causes_of, find_happening, read_happenings, render_causes
 from gloc3.log.commands import list_commands, render_commands
+from gloc3.log.convert.conversion import LogFormat, convert, read_origin
 from gloc3.log.fields import plot_series, read_series
 from gloc3.log.info import render, require_topic, summarize
 from gloc3.log.reader import LogReader, find_log
@@ -38,6 +39,7 @@ app = App(
     - `gloc3 log why runs/inspection "policy land"`: what led there: messages, faults, commands, back to the root
     - `gloc3 log report runs/inspection --wall "0,12,0 20,12,0 20,0,0 0,0,0"`: how much of the floor was seen
     - `gloc3 log replay runs/inspection limiter`: run a component again on its recorded inputs
+    - `gloc3 log convert runs/inspection --to kml`: for maps, tables (csv, parquet) and ROS 2 (rosbag2)
     - `gloc3 log pull udpin://0.0.0.0:14550`: download a vehicle's logs, resuming the last attempt
 
     A log is an MCAP file, which Foxglove opens as it is.""",
@@ -192,6 +194,26 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
         _warn(reader)
     print(render_comparisons(comparisons))  # noqa: T201
     return DONE if all(comparison.is_same for comparison in comparisons) else IMPERFECT
+
+
+@app.command(name="convert", usage="gloc3 log convert FILE --to FORMAT [OPTIONS]")
+def convert_(file: Path, /, *, to: LogFormat, out: Path | None = None, topic: str = "", origin: str = "") -> int:
+    """Convert a log for other programs: maps, tables, ROS 2.
+
+    Maps have the path flown and requested, home, and the places of pictures. Tables have one row a pose; with --topic,
+    all fields of a topic. A bag has poses, transforms, sensors, status and events as ROS 2 messages.
+
+    Args:
+        file: The log, or the folder of a run: its last one.
+        to: kml, gpx and geojson for maps; csv and parquet for tables; rosbag2 for ROS 2.
+        out: The new file (or, of a bag, folder); by default beside the log. It must not exist.
+        topic: For tables: the topic whose messages are the rows.
+        origin: LATITUDE,LONGITUDE,ALTITUDE of the local frame, in deg and m, where the log has none.
+    """
+    with LogReader(find_log(file), TopicTable.installed().types) as reader:
+        print(convert(reader, to, out, topic, read_origin(origin) if origin else None))  # noqa: T201
+        _warn(reader)
+    return DONE
 
 
 @app.command(name="report")

@@ -12,13 +12,12 @@ import msgspec
 
 from gloc3.log.json_schema import Schema
 from gloc3.messages.envelope import Envelope, Severity
-from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
+from gloc3.messages.frames import ENU_FROM_NED, IDENTITY, Quaternion, Vector3
 
 MAP_FRAME: Final = "map"
 """The frame that Foxglove's 3D panel shows upright: x east, y north, z up."""
 NED_FRAME: Final = "ned"
-MAP_FROM_NED: Final[Quaternion] = (0.0, 0.5**0.5, 0.5**0.5, 0.0)
-"""Half a turn about the axis midway between north and east: north becomes y, east x, and down minus z."""
+MAP_FROM_NED: Final = ENU_FROM_NED
 
 _NUMBER: Final[Schema] = {"type": "number"}
 _TEXT: Final[Schema] = {"type": "string"}

@@ -25,6 +25,9 @@ Quaternion = tuple[float, float, float, float]
 IDENTITY: Final[Quaternion] = (1.0, 0.0, 0.0, 0.0)
 """The rotation that changes nothing."""
 
+ENU_FROM_NED: Final[Quaternion] = (0.0, 0.5**0.5, 0.5**0.5, 0.0)
+"""Half a turn about the axis midway between north and east: north becomes y, east x, and down minus z."""
+
 GRAVITY_M_S2: Final = 9.80665
 """Standard gravity, also the unit *g*."""
 

@@ -54,7 +54,7 @@ def drawing(file: Path, width_in: float, height_in: float, *, is_fitted: bool = 
         import matplotlib as mpl
         from matplotlib.figure import Figure
     except ModuleNotFoundError as error:
-        raise Gloc3Error('drawing needs matplotlib; install it with: pip install "gloc3[sitl]"') from error
+        raise Gloc3Error('drawing needs matplotlib; install it with: pip install "gloc3[logs]"') from error
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)

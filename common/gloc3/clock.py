@@ -70,6 +70,12 @@ class Clock:
         """Seconds since 1970 by the computer's clock, which may jump when it is set; never used in control."""
         return self.now_s() + VIRTUAL_EPOCH_S if self.is_virtual else time.time()
 
+    def utc_offset(self) -> float | None:
+        """What to add to `now_s()` now for seconds since 1970, for the tags of pictures; None while the clock may be wrong."""
+        if self.is_virtual:
+            return VIRTUAL_EPOCH_S
+        return self.utc_s() - self.now_s() if self.is_utc_right() else None
+
     def is_utc_right(self) -> bool:
         """Whether the kernel reports the computer's clock as synchronized (NTP, GPS...).
 

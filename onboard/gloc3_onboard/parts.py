@@ -8,6 +8,7 @@ P = TypeVar("P")
 NOT_IN_FLIGHTS: Final[Mapping[str, str]] = {
     "run log": "rotates files by their size on a real disk; a flight writes one log, without measured times",
     "disk readers": "threads; a flight reads its logs at once",
+    "picture writer": "a thread; a flight writes its pictures at once",
     "host agent": "leads child processes of the operating system, and reports the computer's load",
     "clock server": "answers other computers, which a flight does not have",
     "host watch": "follows other computers, which a flight does not have",

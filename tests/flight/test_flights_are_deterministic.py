@@ -85,7 +85,7 @@ def test_what_cameras_and_scanner_see_and_all_that_is_made_of_it_is_the_same_in_
         for seed, name in ((1, "one"), (2, "another/folder"))
     )
     assert (one / "log.mcap").read_bytes() == (same / "log.mcap").read_bytes()
-    pictures = sorted(file.name for file in (one / "images").glob("*.png"))
+    pictures = sorted(file.name for file in (one / "images").glob("*.jpg"))
     assert len(pictures) > 3
     for name in pictures:
         assert (one / "images" / name).read_bytes() == (same / "images" / name).read_bytes()

@@ -1,9 +1,10 @@
 """Sensor data as a byte stream: carries simulated camera frames and scans to a companion process on the same machine.
 
 Each record is a header (magic, time in microseconds since the vehicle's boot, sizes, length of the sensor's name), the
-name, and the data: rows of 8-bit grey values of a camera's frame, or 32-bit ranges of a scan. The two frames of a
-stereo pair are two records with one time. A client first sends one line with the names of the sensors that it wants,
-separated by spaces.
+name, and the data: rows of 8-bit grey values of a camera's frame (with another magic, rows of blue, green and red follow),
+or 32-bit ranges of a scan. The two frames of a stereo pair are two records with one time. A client first sends one line
+with the names of the sensors that it wants, separated by spaces; a camera's name with `COLOUR` behind it for its
+pictures in colour.
 """
 
 import math
@@ -13,7 +14,9 @@ from typing import Final, NamedTuple
 from gloc3.errors import Gloc3Error, Misuse
 
 MAGIC: Final = b"G3F1"
+COLOUR_MAGIC: Final = b"G3C1"
 SCAN_MAGIC: Final = b"G3S1"
+COLOUR: Final = ":colour"
 _HEADER: Final = struct.Struct("<4sQHHB")
 _SCAN_HEADER: Final = struct.Struct("<4sQHB5f")
 MOST_PIXELS: Final = 16_000_000
@@ -25,7 +28,7 @@ class FrameError(Gloc3Error):
     """The stream is not one of frames."""
 
 
-class GreyFrame(NamedTuple):
+class CameraFrame(NamedTuple):
     """One camera frame."""
 
     boot_us: int
@@ -35,6 +38,8 @@ class GreyFrame(NamedTuple):
     height: int
     data: bytes
     """Rows of 8-bit grey values, `height * width` bytes."""
+    bgr: bytes = b""
+    """Rows of 8-bit blue, green and red, `3 * height * width` bytes; empty without colours."""
 
 
 class ScanFrame(NamedTuple):
@@ -52,7 +57,7 @@ class ScanFrame(NamedTuple):
     """32-bit floats, little endian, one a beam."""
 
 
-def encode(frame: GreyFrame) -> bytes:
+def encode(frame: CameraFrame) -> bytes:
     """A frame as bytes.
 
     Raises:
@@ -60,9 +65,12 @@ def encode(frame: GreyFrame) -> bytes:
     """
     name = frame.camera.encode()
     is_whole = 0 < frame.width * frame.height == len(frame.data) <= MOST_PIXELS
+    is_whole = is_whole and len(frame.bgr) in (0, 3 * len(frame.data))
     if not is_whole or len(name) > 255 or max(frame.width, frame.height) > 0xFFFF or frame.boot_us < 0:
         raise Misuse(f"{len(frame.data)} bytes are not a frame of {frame.width} x {frame.height} pixels")
-    return _HEADER.pack(MAGIC, frame.boot_us, frame.width, frame.height, len(name)) + name + frame.data
+    magic = COLOUR_MAGIC if frame.bgr else MAGIC
+    header = _HEADER.pack(magic, frame.boot_us, frame.width, frame.height, len(name))
+    return b"".join((header, name, frame.data, frame.bgr))
 
 
 def encode_scan(scan: ScanFrame) -> bytes:
@@ -94,19 +102,19 @@ class FrameReader:
     def __init__(self) -> None:
         self._remainder = bytearray()
 
-    def receive(self, data: bytes) -> list[GreyFrame | ScanFrame]:
+    def receive(self, data: bytes) -> list[CameraFrame | ScanFrame]:
         """Receives bytes and returns the records that are complete.
 
         Raises:
             FrameError: the bytes are not valid records; the stream must be reopened.
         """
         self._remainder += data
-        found: list[GreyFrame | ScanFrame] = []
+        found: list[CameraFrame | ScanFrame] = []
         while len(self._remainder) >= _HEADER.size:
             magic = bytes(self._remainder[:4])
-            if magic not in (MAGIC, SCAN_MAGIC):
+            if magic not in (MAGIC, COLOUR_MAGIC, SCAN_MAGIC):
                 raise FrameError("not a stream of camera frames and scans")
-            used = self._frame() if magic == MAGIC else self._scan()
+            used = self._scan() if magic == SCAN_MAGIC else self._frame(is_coloured=magic == COLOUR_MAGIC)
             if used is None:
                 break
             record, end = used
@@ -114,17 +122,17 @@ class FrameReader:
             del self._remainder[:end]
         return found
 
-    def _frame(self) -> tuple[GreyFrame, int] | None:
+    def _frame(self, *, is_coloured: bool) -> tuple[CameraFrame, int] | None:
         _, boot_us, width, height, name_length = _HEADER.unpack_from(self._remainder)
         if not 0 < width * height <= MOST_PIXELS:
             raise FrameError(f"a frame of {width} x {height} pixels")
         begin = _HEADER.size + name_length
-        end = begin + width * height
+        middle = begin + width * height
+        end = middle + (3 * width * height if is_coloured else 0)
         if len(self._remainder) < end:
             return None
-        return GreyFrame(
-            boot_us, self._name(_HEADER.size, begin), width, height, bytes(self._remainder[begin:end])
-        ), end
+        data, bgr = bytes(self._remainder[begin:middle]), bytes(self._remainder[middle:end])
+        return CameraFrame(boot_us, self._name(_HEADER.size, begin), width, height, data, bgr), end
 
     def _scan(self) -> tuple[ScanFrame, int] | None:
         if len(self._remainder) < _SCAN_HEADER.size:

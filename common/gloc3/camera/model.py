@@ -40,6 +40,12 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Optical centre in the body frame."""
     frd_from_rdf: Quaternion = (0.5, 0.5, 0.5, 0.5)
     """Rotation from camera axes to body axes; (0.5, 0.5, 0.5, 0.5) looks ahead."""
+    make: Annotated[str, msgspec.Meta(max_length=60)] = ""
+    """The camera's manufacturer, for the pictures' EXIF."""
+    product: Annotated[str, msgspec.Meta(max_length=60)] = ""
+    """The manufacturer's name of the camera and lens, likewise."""
+    pixel_um: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] | None = None
+    """Side of a pixel on the sensor, by which EXIF gives the focal length in millimetres; None if unknown."""
 
 
 def misfit(model: CameraModel, width: int, height: int) -> str:

@@ -1,9 +1,11 @@
 """Reads a calibration file of any known form, detected by its content, into camera models."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import parse_qsl
+
+import msgspec
 
 from gloc3.camera.model import CameraModel
 from gloc3.documents.document import load_bytes, parse
@@ -16,6 +18,7 @@ from gloc3_onboard.calibration.numbers import Values
 from gloc3_onboard.calibration.opencv import looks_like_opencv, read_opencv
 from gloc3_onboard.sensors.pictures import picture_size
 
+_LABELS: Final = ("make", "product", "pixel_um")
 FORMS: Final = "OpenCV (YAML, XML), Kalibr camchain, EuRoC sensor.yaml, KITTI calib.txt"
 
 
@@ -89,9 +92,11 @@ def read_reference(reference: str, folder: Path) -> tuple[CalibrationFile, Camer
     rest, _, camera = reference.partition("#")
     name, _, query = rest.partition("?")
     options = dict(parse_qsl(query))
-    unknown = sorted(set(options) - {"axes", "size"})
+    unknown = sorted(set(options) - {"axes", "size", *_LABELS})
     if unknown or not name:
-        raise Refused(f"calibration {reference!r}: write it as FILE?axes=flu&size=640x480#CAMERA")
+        raise Refused(
+            f"calibration {reference!r}: write it as FILE?axes=flu&size=640x480&make=NAME&product=NAME&pixel_um=3#CAMERA"
+        )
     size: tuple[int, int] | None = None
     if "size" in options:
         width, _, height = options["size"].partition("x")
@@ -99,7 +104,18 @@ def read_reference(reference: str, folder: Path) -> tuple[CalibrationFile, Camer
             raise Refused(f"calibration {reference!r}: the size is written as 640x480")
         size = (int(width), int(height))
     calibration = read_calibration(folder / name, axes=options.get("axes", ""), size=size)
-    return calibration, calibration.camera(camera)
+    return calibration, _labelled(calibration.camera(camera), options, reference)
+
+
+def _labelled(model: CameraModel, options: Mapping[str, str], reference: str) -> CameraModel:
+    """The camera with what no calibration file says of it."""
+    labels = {name: options[name] for name in _LABELS if name in options}
+    if not labels:
+        return model
+    try:
+        return msgspec.convert({**msgspec.structs.asdict(model), **labels}, CameraModel, strict=False)
+    except msgspec.ValidationError as error:
+        raise Refused(f"calibration {reference!r}: {error}") from error
 
 
 def _without_directive(text: str) -> str:

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from random import SystemRandom
 from typing import Any, Final
@@ -125,11 +126,17 @@ class HostNode:
         except OSError as error:
             raise Refused(f"the folder {logs} cannot be written: {error.strerror}") from error
         self.parts.add("run log", self._log)
+        self._writer = ThreadPoolExecutor(1, "pictures")
         self.onboard: Onboard | None = None
 
     def make(self, placeholders: Sequence[HostMember] = ()) -> Onboard:
         """Creates the components, which accept commands from then on."""
-        pictures = PictureFolder(self._options.logs / self.log.stem.replace("log", "images", 1), self._sensors.rig)
+        pictures = PictureFolder(
+            self._options.logs / self.log.stem.replace("log", "images", 1),
+            self._sensors.rig,
+            self.context.clock.utc_offset,
+            self.parts.add("picture writer", self._writer, self._writer.shutdown),
+        )
         memory = RecordMemory(RecordFile(self._options.logs / f"{self._stem}.memory"), start_of_computer())
         devices = {**self._sensors.devices, "rig": self._sensors.rig, "pictures": pictures, "memory": memory}
         hosting = Hosting(rows=self.rows, placeholders=placeholders)

@@ -133,6 +133,7 @@ class ProcessStorage:
         self.logs: Final = options.logs or self.out
         self._log: RunLog | None = None
         self._readers = ThreadPoolExecutor(2, "logs")
+        self._writer = ThreadPoolExecutor(1, "pictures")
         self._signing = SigningMemory(self.out, context.clock, lambda text: report(Severity.WARNING, text))
 
     def sign(self, url: str, number: int) -> Signing | None:
@@ -170,7 +171,12 @@ class ProcessStorage:
             reports=RecordFile(self.out / "events.store"),
             memory=RecordFile(self.out / "memory.state"),
             log_store=LogStore(self.logs, lambda: log.unfinished, log.cut, parts.add("disk readers", self._readers)),
-            pictures=PictureFolder(self.logs / log.path.stem.replace("log", "images", 1), rig),
+            pictures=PictureFolder(
+                self.logs / log.path.stem.replace("log", "images", 1),
+                rig,
+                self._context.clock.utc_offset,
+                parts.add("picture writer", self._writer),
+            ),
             computer_start=start_of_computer(),
             worker=ThreadPoolExecutor(1, "mission check"),
         )
@@ -214,8 +220,9 @@ class ProcessStorage:
             self._log.record_frame(link, direction, frame)
 
     async def close(self) -> None:
-        """Finishes the log."""
+        """Finishes the log and the pictures."""
         self._signing.close()
+        self._writer.shutdown()
         if self._log is not None:
             await self._log.close()
         self._readers.shutdown(cancel_futures=True)

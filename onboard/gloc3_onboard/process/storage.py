@@ -1,55 +1,102 @@
-"""Pictures with their poses, as files."""
+"""Pictures with their poses, as files, written in a thread."""
 
 import json
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
 from gloc3.camera.model import CameraModel
-from gloc3.camera.opencv import load_opencv
+from gloc3.camera.picture_file import JPEG, PNG, PhotoTags, encode_picture
 from gloc3.log.report.recording import CAMERAS, POSES
 from gloc3_onboard.components.drivers.image_recorder import RecordedPicture
-from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.devices import Bell, Rig, Unwatch
 from gloc3_onboard.sensors.pictures import pixels_for_people
 
 
 class PictureFolder:
-    """Writes pictures as PNG, and their poses to `poses.jsonl`.
+    """Writes pictures as JPEG or PNG with EXIF and XMP, and their poses to `poses.jsonl`.
 
     Args:
         folder: destination.
-        rig: camera calibrations, stored in `cameras.json` for inspection reports.
+        rig: camera calibrations, stored in `cameras.json` for inspection reports, and in the pictures.
+        utc_offset_s: from the platform's time to seconds since 1970; None while that is unknown.
+        worker: one thread that writes, in order; None to write at once.
     """
 
-    def __init__(self, folder: Path, rig: Rig | None = None) -> None:
-        self._folder, self._rig = folder, rig
+    def __init__(
+        self,
+        folder: Path,
+        rig: Rig | None = None,
+        utc_offset_s: Callable[[], float | None] = lambda: None,
+        worker: Executor | None = None,
+    ) -> None:
+        self._folder, self._rig, self._utc_offset_s, self._worker = folder, rig, utc_offset_s, worker
         self._cameras: dict[str, CameraModel | None] = {}
+        self._bell = Bell()
+        self._begun: deque[Future[RecordedPicture]] = deque()
+        """Pictures that the thread has been given."""
+        self._written: list[RecordedPicture] = []
 
     def highest(self, camera: str) -> int:
         """The greatest number of a camera's picture that is there already; 0 for none."""
-        numbers = [path.stem.removeprefix(f"{camera}-") for path in self._folder.glob(f"{camera}-*.png")]
+        names = [path.stem for path in self._folder.glob(f"{camera}-*") if path.suffix in (JPEG, PNG)]
+        numbers = [name.removeprefix(f"{camera}-") for name in names]
         return max((int(number) for number in numbers if number.isdecimal()), default=0)
 
     def write(self, picture: RecordedPicture) -> None:
-        """Writes a picture with its pose; raises `OSError` where that fails."""
-        cv2 = load_opencv()
+        """Begins to write a picture with its pose; at once where there is no thread."""
+        if self._worker is None:
+            self._written.append(self._write(picture))
+            self._bell.ring()
+        else:
+            future = self._worker.submit(self._write, picture)
+            self._begun.append(future)
+            future.add_done_callback(lambda _: self._bell.ring())
+
+    def written(self) -> list[RecordedPicture]:
+        """The pictures that have been written since the last call, in their order; raises `OSError` where that fails."""
+        while self._begun and self._begun[0].done():
+            self._written.append(self._begun.popleft().result())
+        found, self._written = self._written, []
+        return found
+
+    def on_written(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called, from any thread, when a picture has been written or has failed."""
+        return self._bell.listen(ready)
+
+    def _write(self, picture: RecordedPicture) -> RecordedPicture:
         self._folder.mkdir(parents=True, exist_ok=True)
-        image = picture.image
-        is_fine, encoded = cv2.imencode(".png", pixels_for_people(image), [cv2.IMWRITE_PNG_COMPRESSION, 1])
-        if not is_fine:
-            raise OSError(f"{picture.file} cannot be encoded")
+        image, file = picture.image, self._folder / picture.file
+        self._write_calibration(image.camera)
+        data = encode_picture(pixels_for_people(image), self._tags(picture), file.suffix, picture.quality)
         half = self._folder / (picture.file + ".part")
-        half.write_bytes(encoded.tobytes())
-        half.replace(self._folder / picture.file)
+        half.write_bytes(data)
+        half.replace(file)
         tag = {
             "file": picture.file,
             "t_s": round(picture.t_s, 6),
             "position_ned_m": picture.position_ned_m,
             "ned_from_frd_wxyz": picture.ned_from_frd,
         }
-        with (self._folder / POSES).open("a") as file:
-            file.write(json.dumps(tag) + "\n")
-        self._write_calibration(image.camera)
+        with (self._folder / POSES).open("a") as poses:
+            poses.write(json.dumps(tag) + "\n")
+        return picture
+
+    def _tags(self, picture: RecordedPicture) -> PhotoTags:
+        offset_s = self._utc_offset_s()
+        return PhotoTags(
+            camera=picture.image.camera,
+            ned_from_frd=picture.ned_from_frd,
+            position_ned_m=picture.position_ned_m,
+            origin_geo=picture.origin_geo,
+            position_std_m=picture.position_std_m,
+            utc_s=None if offset_s is None else picture.t_s + offset_s,
+            model=self._cameras.get(picture.image.camera),
+        )
 
     def _write_calibration(self, name: str) -> None:
         """Writes a camera's calibration, once."""
@@ -67,7 +114,10 @@ class NoPictures:
     """For runs that keep no files: pictures are counted and dropped."""
 
     def __init__(self) -> None:
-        self.written = 0
+        self.count = 0
+        """Pictures taken."""
+        self._bell: Final = Bell()
+        self._written: list[RecordedPicture] = []
 
     def highest(self, camera: str) -> int:
         """None is there."""
@@ -75,4 +125,15 @@ class NoPictures:
 
     def write(self, picture: RecordedPicture) -> None:
         """Counts a picture."""
-        self.written += 1
+        self.count += 1
+        self._written.append(picture)
+        self._bell.ring()
+
+    def written(self) -> list[RecordedPicture]:
+        """The pictures since the last call."""
+        found, self._written = self._written, []
+        return found
+
+    def on_written(self, ready: Callable[[], None]) -> Unwatch:
+        """Has `ready` called when a picture has been counted."""
+        return self._bell.listen(ready)

@@ -1,4 +1,4 @@
-"""Pictures of a folder: their size, and the pictures as grey frames."""
+"""Pictures of a folder: their size, and the pictures as frames."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -27,12 +27,15 @@ def pixels_for_people(image: Image) -> "NDArray[np.uint8]":
 def load_picture(path: Path, camera: str) -> Image:
     """One picture; it may take some milliseconds. One that is not there is a frame that is not valid."""
     cv2 = load_opencv()
-    pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
+    pixels = cv2.imread(str(path), cv2.IMREAD_ANYCOLOR) if path.is_file() else None
     if pixels is None:
         why = "cannot be read" if path.is_file() else "is missing"
         return Image(camera=camera, width=0, height=0, data=b"", is_valid=False, reason=f"{path.name} {why}")
-    height, width = pixels.shape
-    return Image(camera=camera, width=width, height=height, data=pixels.tobytes())
+    height, width = pixels.shape[:2]
+    if pixels.ndim == 2:
+        return Image(camera=camera, width=width, height=height, data=pixels.tobytes())
+    grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+    return Image(camera=camera, width=width, height=height, data=grey.tobytes(), bgr=pixels.tobytes())
 
 
 def pictures_in(folder: Path) -> list[Path]:

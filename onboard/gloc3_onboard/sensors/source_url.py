@@ -17,10 +17,13 @@ class Number(NamedTuple):
     is_whole: bool = False
 
 
-Options = Mapping[str, Number | None]
-"""The options of a kind of source; None for those that are text."""
+Options = Mapping[str, Number | frozenset[str] | None]
+"""The options of a kind of source; None for those that are text, a set for a choice."""
 BAUD: Final[Options] = {"baud": Number(1200, 4_000_000, True)}
 RATE: Final[Options] = {"rate_hz": Number(0.1, 1000.0)}
+GREY: Final = "grey"
+PIXELS: Final[Options] = {"pixels": frozenset({"colour", GREY})}
+"""Whether a camera keeps its colours, which is the default, or only grey values."""
 DELAY: Final[Options] = {"delay_s": Number(0.0, 1.0)}
 REPLAY: Final[Options] = {"skip_s": Number(0.0, 1e6)}
 YAW: Final[Options] = {"yaw_deg": Number(-360.0, 360.0)}
@@ -43,6 +46,11 @@ class SourceUrl(NamedTuple):
     def number(self, name: str, default: float) -> float:
         """An option that is a number."""
         return float(self.options.get(name, default))
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether only grey values of a camera are wanted."""
+        return self.options.get("pixels") == GREY
 
     def path(self, folder: Path) -> Path:
         """The place as a file, relative to a folder."""
@@ -72,6 +80,8 @@ def option_problem(options: Options, name: str, text: str) -> str:
     bounds = options[name]
     if bounds is None:
         return "" if text else f"{name} is empty"
+    if isinstance(bounds, frozenset):
+        return "" if text in bounds else f"{name}={text} must be {' or '.join(sorted(bounds))}"
     try:
         value = float(text)
     except ValueError:

@@ -133,26 +133,26 @@ def _corrupted_bottom(bottom: BottomVelocity, fault: DeviceFault | None) -> Bott
 
 def _filled(image: Image, t_s: float, grey: int) -> Image:
     del t_s
-    return msgspec.structs.replace(image, data=bytes([grey]) * (image.width * image.height))
+    return msgspec.structs.replace(image, data=bytes([grey]) * (image.width * image.height), bgr=b"")
 
 
 def _torn(image: Image, t_s: float) -> Image:
     """Only the upper part has come."""
     del t_s
-    return msgspec.structs.replace(image, data=image.data[: len(image.data) * 2 // 3])
+    return msgspec.structs.replace(image, data=image.data[: len(image.data) * 2 // 3], bgr=b"")
 
 
 def _small(image: Image, t_s: float) -> Image:
     """Every other pixel: a camera in a wrong mode."""
     del t_s
     pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)[::2, ::2]
-    return msgspec.structs.replace(image, width=pixels.shape[1], height=pixels.shape[0], data=pixels.tobytes())
+    return msgspec.structs.replace(image, width=pixels.shape[1], height=pixels.shape[0], data=pixels.tobytes(), bgr=b"")
 
 
 def _garbage(image: Image, t_s: float) -> Image:
     """Any value at any pixel."""
     random = _random(image.camera, t_s)
-    return msgspec.structs.replace(image, data=random.bytes(image.width * image.height))
+    return msgspec.structs.replace(image, data=random.bytes(image.width * image.height), bgr=b"")
 
 
 CAMERA: Final[Mapping[str, Callable[..., Image]]] = {

@@ -144,6 +144,12 @@ def faces_down(platform: Platform, mission: Mission) -> bool:
     )
 
 
+def recordable_cameras(platform: Platform) -> frozenset[str]:
+    """Names of the cameras whose pictures can be recorded."""
+    rows = (row for row in platform.capabilities.values() if row.arguments == "record_images")
+    return frozenset(str(camera) for row in rows for camera in row.options.get("camera", ()))
+
+
 DEFAULT_ALTITUDE_M = 488.0
 """Altitude of open ground when the mission does not say it, above mean sea level."""
 

@@ -23,7 +23,7 @@ from gloc3_onboard.process.storage import NoPictures, PictureFolder
 from gloc3_onboard.sensors.registry import NOWHERE
 from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
 from gloc3_sitl.flight.log import FlightRecording
-from gloc3_sitl.flight.mission_file import faces_down
+from gloc3_sitl.flight.mission_file import faces_down, recordable_cameras
 from gloc3_sitl.flight.plan import FlightPlan
 from gloc3_sitl.flight.sim_devices import NoCamera
 from gloc3_sitl.flight.sim_imu import SimImu
@@ -154,6 +154,8 @@ class FlightProcess:
         self._plan, self._platform, self._context, self._create, self._rig = plan, platform, context, create, rig
         self._log = log
         self._looks_down = faces_down(platform, mission)
+        if plan.out is not None:  # colours cost as much again; without a folder, pictures are only counted
+            rig.use_colour(recordable_cameras(platform))
         self.links: Final = FlightLinks(plan, context)
         self.imu: Final = SimImu(context.loop, plan.seed)
         """The autopilot's inertial unit, as the process gets it."""
@@ -165,7 +167,9 @@ class FlightProcess:
             reports=FlightRecords(self.disk),
             memory=FlightRecords(self.disk),
             log_store=log.log_store(),
-            pictures=NoPictures() if plan.out is None else PictureFolder(plan.out / "images", rig),
+            pictures=NoPictures()
+            if plan.out is None
+            else PictureFolder(plan.out / "images", rig, context.clock.utc_offset),
         )
         """What outlives the process."""
         self._inputs = VehicleInputs(platform=platform, context=context, terrain=open_terrain(plan.terrain))

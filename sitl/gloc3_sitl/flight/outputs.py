@@ -20,7 +20,7 @@ PROBE_BYTES: Final = 1 << 18
 """Free space that the folder must have before a flight starts."""
 
 _KEPT: Final = re.compile(r"(requests\.journal|progress\.state|events\.store|memory\.state)\.(\d+|new)")
-_PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.png|poses\.jsonl")
+_PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.(?:jpg|png)|poses\.jsonl")
 
 
 def recreate(folder: Path) -> None:

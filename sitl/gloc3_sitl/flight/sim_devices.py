@@ -218,6 +218,7 @@ class NoCamera:
 
 
 def _image(camera: SimulatedCamera | TrackerCamera, truth: Truth) -> Image:
-    pixels = camera.capture(truth).pixels
-    height, width = pixels.shape
-    return Image(camera=camera.imager.name, width=width, height=height, data=pixels.tobytes())
+    photo = camera.capture(truth)
+    height, width = photo.pixels.shape
+    bgr = b"" if photo.bgr is None else photo.bgr.tobytes()
+    return Image(camera=camera.imager.name, width=width, height=height, data=photo.pixels.tobytes(), bgr=bgr)

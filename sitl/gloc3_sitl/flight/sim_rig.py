@@ -1,7 +1,7 @@
 """Simulated devices of an onboard process in the simulator's own process."""
 
 from asyncio import AbstractEventLoop
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Final
 
 from gloc3.camera.model import CameraModel
@@ -35,6 +35,7 @@ class SimRig:
         ground, left, right = (
             SimulatedCamera(world, *rig.CAMERAS[name], seed) for name in ("ground", "front_left", "front_right")
         )
+        self._coloured: Final = (ground, left, right)
         self.tracker: Final = _tracker(world, seed)
         """The external camera; None in a world without."""
         self._models = {name: model for name, (model, _) in rig.CAMERAS.items()} | {"tracker": rig.TRACKER}
@@ -48,6 +49,11 @@ class SimRig:
         """By name, all of `SIM_DEVICES`."""
         if self.tracker is not None:
             self.devices["tracker_camera"] = SimCamera(self.tracker, trigger(rig.TRACKER_IMAGER.rate_hz))
+
+    def use_colour(self, cameras: Collection[str]) -> None:
+        """Has these cameras of the vehicle take pictures in colour, and the others in grey."""
+        for camera in self._coloured:
+            camera.is_coloured = camera.imager.name in cameras
 
     def model(self, camera: str) -> CameraModel | None:
         """The camera of that name, as it is truly calibrated; None where there is none."""

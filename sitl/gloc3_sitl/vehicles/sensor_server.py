@@ -5,7 +5,15 @@ import errno
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, Self
 
-from gloc3.camera.frame_stream import MOST_REQUEST_BYTES, GreyFrame, ScanFrame, encode, encode_scan, read_stream_request
+from gloc3.camera.frame_stream import (
+    COLOUR,
+    MOST_REQUEST_BYTES,
+    CameraFrame,
+    ScanFrame,
+    encode,
+    encode_scan,
+    read_stream_request,
+)
 from gloc3.errors import Refused
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.vehicles.scene import Scene
@@ -111,15 +119,24 @@ def _feeds(world: World, seed: int) -> dict[str, Feed]:
         tracker = TrackerCamera(world, world.file.tracker, rig.TRACKER, rig.TRACKER_IMAGER, seed)
         cameras[rig.TRACKER_IMAGER.name] = tracker
     feeds = {name: Feed(camera.imager.rate_hz, _picture_of(camera)) for name, camera in cameras.items()}
+    for name, camera in cameras.items():
+        feeds[name + COLOUR] = Feed(camera.imager.rate_hz, _picture_of(camera, is_coloured=True))
     feeds[rig.LASER.name] = Feed(rig.LASER.rate_hz, _scan_of(LaserScanner(world, rig.LASER, seed)))
     return feeds
 
 
-def _picture_of(camera: SimulatedCamera | TrackerCamera) -> Callable[[Truth], bytes]:
+def _picture_of(camera: SimulatedCamera | TrackerCamera, *, is_coloured: bool = False) -> Callable[[Truth], bytes]:
+    """Takes pictures; those of the tracker are grey in any case."""
+
     def handle(truth: Truth) -> bytes:
-        pixels = camera.capture(truth).pixels
-        height, width = pixels.shape
-        return encode(GreyFrame(round(truth.t_s * 1e6), camera.imager.name, width, height, pixels.tobytes()))
+        if isinstance(camera, SimulatedCamera):
+            camera.is_coloured = is_coloured
+        photo = camera.capture(truth)
+        height, width = photo.pixels.shape
+        bgr = b"" if photo.bgr is None else photo.bgr.tobytes()
+        return encode(
+            CameraFrame(round(truth.t_s * 1e6), camera.imager.name, width, height, photo.pixels.tobytes(), bgr)
+        )
 
     return handle
 

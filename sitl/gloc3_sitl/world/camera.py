@@ -10,8 +10,10 @@ from gloc3.camera.model import CameraModel
 from gloc3.messages.frames import Quaternion, Vector3, rotate_back
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world.imager import Imager, Photo
-from gloc3_sitl.world.placing import Placing
+from gloc3_sitl.world.placing import Placing, WorldPlacement
 from gloc3_sitl.world.studio import Studio
+from gloc3_sitl.world.texture import Image
+from gloc3_sitl.world.tinter import Tinter
 from gloc3_sitl.world.world import World
 
 _BLUR_STEP_PX: Final = 1.0
@@ -39,6 +41,9 @@ class SimulatedCamera:
         self._seed = seed
         self._placing = Placing(world)
         self._studio: Studio | None = None
+        self._tinter: Tinter | None = None
+        self.is_coloured = False
+        """Whether it takes pictures in colour; the grey values are the same."""
 
     def pose(self, truth: Truth) -> tuple[Quaternion, Vector3]:
         """`local_from_rdf` and the optical centre as `[x, y, height]`."""
@@ -51,7 +56,14 @@ class SimulatedCamera:
         bodies = [self._placing.body(truth, later_s) for later_s in self._moments_s(truth)]
         eyes = [body.mounted(self.model.position_frd_m, self.model.frd_from_rdf) for body in bodies]
         scene = self._studio.scene(eyes, bodies[len(bodies) // 2], truth.t_s)
-        return Photo(t_s=truth.t_s, pixels=self._studio.developed(scene, truth.t_s))
+        pixels = self._studio.developed(scene, truth.t_s)
+        bgr = self._tint(pixels, eyes[len(eyes) // 2], truth.t_s) if self.is_coloured else None
+        return Photo(t_s=truth.t_s, pixels=pixels, bgr=bgr)
+
+    def _tint(self, pixels: Image, eye: WorldPlacement, t_s: float) -> Image:
+        if self._tinter is None:
+            self._tinter = Tinter(self.world, self.model)
+        return self._tinter.coloured(pixels, eye, t_s)
 
     def _moments_s(self, truth: Truth) -> list[float]:
         """Sample times within the exposure, relative to its middle: one per pixel of image motion, s."""

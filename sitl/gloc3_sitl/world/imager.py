@@ -28,3 +28,5 @@ class Photo(msgspec.Struct, frozen=True, kw_only=True):
     """The middle of the exposure."""
     pixels: Image
     """Grey values, rows by columns."""
+    bgr: Image | None = None
+    """The same in blue, green and red, `(rows, columns, 3)`; None for a camera that is not in colour."""

@@ -79,7 +79,7 @@ class CameraExposure(_Row, frozen=True, kw_only=True):
 
 
 class Texture(_Row, frozen=True, kw_only=True):
-    """A procedurally made grey texture: stains of many sizes, and what steel bears. It repeats beyond its size."""
+    """A procedurally made texture: stains of many sizes, and what steel bears. It repeats beyond its size."""
 
     size_m: tuple[Positive, Positive]
     """Width and height."""
@@ -89,6 +89,8 @@ class Texture(_Row, frozen=True, kw_only=True):
     """Seed of everything random in it."""
     brightness: Grey = 120.0
     """Mean grey value."""
+    colour: tuple[Grey, Grey, Grey] = (128.0, 128.0, 128.0)
+    """Red, green and blue of the paint; only their ratio counts. Rust has a colour of its own."""
     contrast: Grey = 60.0
     """How far the stains go from the mean, up and down."""
     seam_m: Length = 0.0

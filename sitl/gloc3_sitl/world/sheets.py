@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import Vector3
-from gloc3_sitl.world.cloth import Cloth, cloth_of, cloth_of_marker
+from gloc3_sitl.world.cloth import Cloth, cloth_of, cloth_of_marker, tint_cloth_of, tint_cloth_of_marker
 from gloc3_sitl.world.geometry import Floats
 from gloc3_sitl.world.model import Box, Marker, WorldSurface
 from gloc3_sitl.world.texture import MARKER_CELLS
@@ -18,23 +18,31 @@ _TOLERANCE_M: Final = 1e-4
 
 
 class Sheets:
-    """All rectangles of a world."""
+    """All rectangles of a world.
 
-    def __init__(self, world: World) -> None:
+    Args:
+        world: scene.
+        is_tint: whether their cloths are the colours without brightness, of three channels; else grey.
+    """
+
+    def __init__(self, world: World, *, is_tint: bool = False) -> None:
         textures = world.file.textures
+        make, make_marker = (tint_cloth_of, tint_cloth_of_marker) if is_tint else (cloth_of, cloth_of_marker)
+        self.channels: Final = (3,) if is_tint else ()
+        """Last axis of a picture's shape."""
         rows: list[tuple[WorldSurface, Cloth, bool]] = [
-            (surface, cloth_of(textures[surface.texture]), False) for surface in world.file.surfaces.values()
+            (surface, make(textures[surface.texture]), False) for surface in world.file.surfaces.values()
         ]
         self._moves: list[tuple[slice, Box]] = []
         for box in world.file.boxes.values():
             sides = box_sides(box)
             if box.shuttle is not None:
                 self._moves.append((slice(len(rows), len(rows) + len(sides)), box))
-            rows += [(side, cloth_of(textures[side.texture]), True) for side in sides]
+            rows += [(side, make(textures[side.texture]), True) for side in sides]
         self.tag: Final = len(rows) if world.marker is not None else -1
         """Index of the tag; -1 without one."""
         if world.marker is not None:
-            rows.append((_tag(world.marker), cloth_of_marker(world.marker), False))
+            rows.append((_tag(world.marker), make_marker(world.marker), False))
         self.cloths: Final = [cloth for _, cloth, _ in rows]
         self.starts_m: Final = [_start_m(index) if is_box else (0.0, 0.0) for index, (_, _, is_box) in enumerate(rows)]
         """Offset of each sheet's upper left corner on its texture; no two boxes look alike."""

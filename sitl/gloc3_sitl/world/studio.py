@@ -110,7 +110,7 @@ class Optics:
 
 
 class Renderer:
-    """Draws one world in grey."""
+    """Draws one world, in the channels of its sheets."""
 
     def __init__(self, sheets: Sheets, pinhole: Pinhole) -> None:
         self._cv2 = load_opencv()
@@ -124,7 +124,7 @@ class Renderer:
             view: camera placement.
             light: the light; None for the textures as they are.
         """
-        image: Image = np.zeros((self._pinhole.height, self._pinhole.width), np.uint8)
+        image: Image = np.zeros((self._pinhole.height, self._pinhole.width, *self._sheets.channels), np.uint8)
         patches = list(self._viewer.patches(view))
         if light is None or light.is_even:
             for patch in patches:
@@ -164,7 +164,7 @@ class Renderer:
         period_x, period_y = level.period_px
         back_x = floor((min(columns) - _MARGIN_PX) / period_x) * period_x
         back_y = floor((min(rows) - _MARGIN_PX) / period_y) * period_y
-        down, across = level.sheet.shape
+        down, across = level.sheet.shape[:2]
         shift_x, shift_y = shift_x - back_x, shift_y - back_y
         if max(columns) - back_x + _MARGIN_PX > across - RIM_PX or max(rows) - back_y + _MARGIN_PX > down - RIM_PX:
             return level.bare, _scaling(scale, shift_x, shift_y), cv2.BORDER_WRAP
@@ -174,7 +174,7 @@ class Renderer:
         """Copies a region into the picture, as far as its patch reaches."""
         left, top, right, bottom = patch.region
         cut = image[top:bottom, left:right]
-        mask = np.zeros(cut.shape, np.uint8)
+        mask = np.zeros(cut.shape[:2], np.uint8)
         points = [[round((column - left) * 16.0), round((row - top) * 16.0)] for column, row in patch.outline_px]
         self._cv2.fillConvexPoly(mask, np.array(points, np.int32), 255, self._cv2.LINE_8, 4)
         self._cv2.copyTo(drawn, mask, cut)

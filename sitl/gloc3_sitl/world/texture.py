@@ -1,7 +1,7 @@
 """Procedural textures of painted and rusty steel, and tags: the same file always gives the same picture."""
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,28 @@ MARKER_CELLS = 8
 """Cells across a tag with its white border: four of code, two of black frame, two of white."""
 
 
-@lru_cache(maxsize=24)
+NEUTRAL: Final = 128
+"""Value of a tint that leaves grey as it is; a channel of a coloured picture is grey times tint over this."""
+_RUST_RGB: Final = (150.0, 82.0, 40.0)
+_LUMA_RGB: Final = (0.299, 0.587, 0.114)
+"""Shares of the channels in a grey value (ITU-R BT.601), as OpenCV has them."""
+
+
+class Painting(NamedTuple):
+    """A finished texture."""
+
+    grey: Image
+    rust: Image
+    """How rusty each pixel is, 0 to 255."""
+
+
 def paint(texture: Texture) -> Image:
+    """The grey values of a texture."""
+    return painted(texture).grey
+
+
+@lru_cache(maxsize=24)
+def painted(texture: Texture) -> Painting:
     """Make a texture, once for all cameras; it repeats without a seam at its edges."""
     cv2 = load_opencv()
     random = np.random.Generator(np.random.PCG64(texture.seed))
@@ -31,8 +51,7 @@ def paint(texture: Texture) -> Image:
     picture = np.full((height, width), texture.brightness, np.float32)
     if texture.contrast > 0.0:
         picture += _clouds(cv2, random, texture, width, height) * np.float32(0.5 * texture.contrast)
-    if texture.rust > 0.0:
-        _rust(cv2, random, picture, texture)
+    rust = _rust(cv2, random, picture, texture) if texture.rust > 0.0 else np.zeros_like(picture)
     if texture.seam_m > 0.0:
         _welds(random, picture, texture)
     if texture.ribs_m > 0.0:
@@ -44,7 +63,21 @@ def paint(texture: Texture) -> Image:
     image: Image = np.clip(picture, DARKEST, 255.0).astype(np.uint8)
     _speckles(cv2, random, image, texture)
     image.flags.writeable = False
-    return image
+    return Painting(image, np.round(rust * np.float32(255.0)).astype(np.uint8))
+
+
+def tint_of(texture: Texture) -> Image:
+    """The colours of a texture without its brightness, shape `(rows, columns, 3)`: blue, green and red."""
+    share = (painted(texture).rust.astype(np.float32) / np.float32(255.0))[..., None]
+    paint_bgr, rust_bgr = _tint(texture.colour), _tint(_RUST_RGB)
+    tint: Image = np.round(paint_bgr + (rust_bgr - paint_bgr) * share).astype(np.uint8)
+    return tint
+
+
+def _tint(rgb: tuple[float, float, float]) -> Picture:
+    luma = sum(share * value for share, value in zip(_LUMA_RGB, rgb, strict=True))
+    tint: Picture = np.clip(np.array(rgb[::-1], np.float32) * np.float32(NEUTRAL / max(luma, 1.0)), 0.0, 255.0)
+    return tint
 
 
 def _clouds(cv2: Any, random: np.random.Generator, texture: Texture, width: int, height: int) -> Picture:
@@ -71,8 +104,8 @@ def _stains(
     return cut
 
 
-def _rust(cv2: Any, random: np.random.Generator, picture: Picture, texture: Texture) -> None:
-    """Dark, rough blotches with ragged edges, and the streaks that water has drawn down from them."""
+def _rust(cv2: Any, random: np.random.Generator, picture: Picture, texture: Texture) -> Picture:
+    """Dark, rough blotches with ragged edges, and the streaks that water has drawn down from them; returns how rusty it is."""
     height, width = picture.shape
     field = _stains(cv2, random, texture.size_m, 0.7, width, height)
     field += np.float32(0.6) * _stains(cv2, random, texture.size_m, 0.12, width, height)
@@ -85,6 +118,8 @@ def _rust(cv2: Any, random: np.random.Generator, picture: Picture, texture: Text
     lines = np.abs(random.standard_normal(width, np.float32))
     picture -= np.float32(55.0) * depth + np.float32(35.0) * streaks * np.minimum(lines, np.float32(1.5))
     picture += depth * (random.standard_normal(picture.shape, np.float32) * np.float32(14.0))
+    rust: Picture = np.clip(depth + np.float32(0.7) * streaks * np.minimum(lines, np.float32(1.5)), 0.0, 1.0)
+    return rust
 
 
 def _welds(random: np.random.Generator, picture: Picture, texture: Texture) -> None:

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from gloc3.camera.frame_stream import (
     MAGIC,
     SCAN_MAGIC,
+    CameraFrame,
     FrameError,
     FrameReader,
-    GreyFrame,
     ScanFrame,
     encode,
     encode_scan,
@@ -17,9 +17,10 @@ from gloc3.camera.frame_stream import (
 from gloc3.errors import Misuse
 
 FRAMES = [
-    GreyFrame(1_500_000, "ground", 4, 3, bytes(range(12))),
-    GreyFrame(0, "", 1, 1, MAGIC[:1]),
-    GreyFrame(2**60, "front_left", 2, 5, MAGIC + b"123456"),
+    CameraFrame(1_500_000, "ground", 4, 3, bytes(range(12))),
+    CameraFrame(0, "", 1, 1, MAGIC[:1]),
+    CameraFrame(7, "ground", 4, 3, bytes(range(12)), bytes(range(36))),
+    CameraFrame(2**60, "front_left", 2, 5, MAGIC + b"123456"),
 ]
 
 SCAN = ScanFrame(2_000_000, "laser", -1.5, 0.25, 0.125, 30.0, 0.0625, bytes(range(16)))
@@ -38,14 +39,15 @@ def test_frames_and_scans_survive_being_cut_at_every_byte() -> None:
 @pytest.mark.parametrize(
     "frame",
     [
-        GreyFrame(0, "ground", 4, 3, b"short"),
-        GreyFrame(0, "ground", 0, 3, b""),
-        GreyFrame(0, "ground", 70_000, 1, bytes(70_000)),
-        GreyFrame(0, "x" * 300, 1, 1, b"1"),
-        GreyFrame(-1, "ground", 1, 1, b"1"),
+        CameraFrame(0, "ground", 4, 3, b"short"),
+        CameraFrame(0, "ground", 0, 3, b""),
+        CameraFrame(0, "ground", 2, 1, b"ab", b"abcde"),
+        CameraFrame(0, "ground", 70_000, 1, bytes(70_000)),
+        CameraFrame(0, "x" * 300, 1, 1, b"1"),
+        CameraFrame(-1, "ground", 1, 1, b"1"),
     ],
 )
-def test_what_is_no_frame_is_not_sent(frame: GreyFrame) -> None:
+def test_what_is_no_frame_is_not_sent(frame: CameraFrame) -> None:
     with pytest.raises(Misuse):
         encode(frame)
 

@@ -72,6 +72,7 @@ def test_the_example_of_every_scheme_is_understood_and_made_for_every_sensor_tha
         ("ground_camera", "v4l2:///dev/video0?widht=640", "did you mean 'width'"),
         ("ground_camera", "v4l2:///dev/video0?width=wide", "width=wide is not a number"),
         ("ground_camera", "v4l2:///dev/video0?width=640.5", "must be a whole number"),
+        ("ground_camera", "v4l2:///dev/video0?pixels=red", "pixels=red must be colour or grey"),
         ("ground_camera", "v4l2:///dev/video0?exposure_s=100", "must be from 1e-06 to 10"),
         ("ground_camera", "v4l2:///dev/video0?gain=nan", "gain=nan must be from"),
         ("ground_camera", "v4l2:///dev/video0#left", "allows nothing after #"),

@@ -19,7 +19,7 @@ from gloc3_onboard.sensors.pictures import pixels_for_people
 from gloc3_onboard.sensors.registry import parse_source
 from gloc3_onboard.sensors.source_url import device_problem
 from gloc3_onboard.sensors.sources.camera import VideoCamera
-from gloc3_onboard.sensors.sources.stereo import PairedCameras, SideBySide
+from gloc3_onboard.sensors.sources.stereo import PairedCameras, SideBySide, half
 from gloc3_onboard.sensors.threaded import ThreadedSource
 
 WITHIN_S = 20.0
@@ -103,6 +103,18 @@ def test_a_picture_keeps_its_colours_beside_the_grey_values(tmp_path: Path) -> N
     assert image.bgr == orange.tobytes()
     assert image.data == cv2.cvtColor(orange, cv2.COLOR_BGR2GRAY).tobytes()
     np.testing.assert_array_equal(pixels_for_people(image), orange)
+    with collected(camera(tmp_path, "video://%03d.png?rate_hz=100&pixels=grey")) as frames:
+        until(lambda: len(frames) == 1)
+    assert (frames[0].image.bgr, frames[0].image.data) == (b"", image.data)
+
+
+def test_both_halves_of_a_picture_keep_their_colours() -> None:
+    colours = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+    both = Image(camera="both", width=4, height=2, data=bytes(range(8)), bgr=colours.tobytes())
+    for side, name in enumerate(("l", "r")):
+        one = half(both, side, name)
+        assert one.bgr == colours[:, 2 * side : 2 * side + 2].tobytes()
+        assert one.data == bytes([0, 1, 4, 5] if side == 0 else [2, 3, 6, 7])
 
 
 @pytest.mark.sockets

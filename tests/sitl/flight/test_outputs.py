@@ -18,7 +18,7 @@ def test_what_an_earlier_flight_left_goes_and_what_is_somebody_elses_stays(tmp_p
         "report.json",
         "requests.journal.3",
         "events.store.new",
-        "images/ground-00001.png",
+        "images/ground-00001.jpg",
         "images/poses.jsonl",
     ]
     theirs = ["mission.yaml", "notes.txt", "images/holiday.png", "log-2.mcap"]

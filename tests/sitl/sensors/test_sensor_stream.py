@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gloc3.camera.frame_stream import GreyFrame, encode
+from gloc3.camera.frame_stream import CameraFrame, encode
 from gloc3.errors import Refused
 from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sensors.sources.stream import StreamCamera, StreamLaser, StreamStereoCamera
@@ -55,6 +55,7 @@ async def test_pictures_of_the_simulator_arrive_with_the_time_of_their_exposure(
     assert image.camera == "belly"
     assert len(image.data) == image.width * image.height
     assert len(set(image.data)) > 10, "it shows something"
+    assert len(image.bgr) == 3 * len(image.data)
 
 
 async def test_pairs_scans_and_the_tracker_arrive_beside_each_other_and_nothing_else_is_looked_at() -> None:
@@ -64,13 +65,14 @@ async def test_pairs_scans_and_the_tracker_arrive_beside_each_other_and_nothing_
     stereo = StreamStereoCamera(("front_left", "front_right"), address, lambda boot_s: boot_s)
     laser = StreamLaser("laser", address, lambda boot_s: boot_s)
     tracker = StreamCamera("tracker", address, lambda boot_s: boot_s)
+    grey = StreamCamera("ground", address, lambda boot_s: boot_s, pixels="")
     stranger = StreamCamera("nose", address, lambda boot_s: boot_s)
-    devices = (stereo, laser, tracker, stranger)
+    devices = (stereo, laser, tracker, grey, stranger)
     for device in devices:
         device.open()
     simulator.start(loop)
     try:
-        await until(lambda: None not in (stereo.pair(), laser.scan(), tracker.frame()))
+        await until(lambda: None not in (stereo.pair(), laser.scan(), tracker.frame(), grey.frame()))
         pair, turn, frame = stereo.pair(), laser.scan(), tracker.frame()
         await until(lambda: stereo.pair() is not pair)
     finally:
@@ -86,6 +88,11 @@ async def test_pairs_scans_and_the_tracker_arrive_beside_each_other_and_nothing_
     assert turn.scan.range_max_m == pytest.approx(30.0)
     assert len(turn.scan.ranges_m) == 4 * 360
     assert max(frame.image.data) > 200, "the light of the vehicle"
+    assert len(pair.right.bgr) == 3 * len(pair.right.data)
+    assert frame.image.bgr == b"", "the tracker sees lights only"
+    ground = grey.frame()
+    assert ground is not None
+    assert ground.image.bgr == b""
     assert stranger.frame() is None, "there is no such camera"
 
 
@@ -95,7 +102,7 @@ async def test_a_stream_that_breaks_or_is_damaged_is_opened_anew() -> None:
     async def serve(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         nonlocal served
         served += 1
-        whole = encode(GreyFrame(served * 1_000_000, "x", 4, 2, bytes(8)))
+        whole = encode(CameraFrame(served * 1_000_000, "x", 4, 2, bytes(8)))
         writer.write({1: b"no frame at all, but something else", 2: whole[:-3]}.get(served, whole))
         await writer.drain()
         writer.close()
@@ -119,7 +126,7 @@ async def test_a_picture_whose_time_is_not_known_yet_is_dropped() -> None:
         requested.append(boot_s)
 
     async def serve(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.write(encode(GreyFrame(5_000_000, "x", 4, 2, bytes(8))))
+        writer.write(encode(CameraFrame(5_000_000, "x", 4, 2, bytes(8))))
         await writer.drain()
         writer.close()
 

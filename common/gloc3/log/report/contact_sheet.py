@@ -19,7 +19,7 @@ _WIDTH_PX: Final = 200
 _LABEL_PX: Final = 18
 _GAP_PX: Final = 4
 _PAPER: Final = 250
-_INK: Final = 40
+_INK_BGR: Final = (40, 40, 40)
 SHADES: Final = ("#f3c6bd", "#cfe3f4", "#9ac5e8", "#5c9fd4", "#2a72b5", "#124a84")
 """Not seen, seen once, twice, … five times or more."""
 
@@ -43,7 +43,7 @@ def contact_sheet(recording: PictureRecording) -> bytes | None:
     rows = -(-len(tiles) // COLUMNS)
     step_x, step_y = _WIDTH_PX + _GAP_PX, height + _GAP_PX
     columns = min(COLUMNS, len(tiles))
-    sheet = np.full((rows * step_y + _GAP_PX, columns * step_x + _GAP_PX), _PAPER, np.uint8)
+    sheet = np.full((rows * step_y + _GAP_PX, columns * step_x + _GAP_PX, 3), _PAPER, np.uint8)
     for index, tile in enumerate(tiles):
         top, left = _GAP_PX + index // COLUMNS * step_y, _GAP_PX + index % COLUMNS * step_x
         sheet[top : top + tile.shape[0], left : left + _WIDTH_PX] = tile
@@ -61,15 +61,15 @@ def _tile(cv2: Any, folder: Path, number: int, picture: TakenPicture, time: str)
     """One picture, made small, with a label below; an empty one where it cannot be read."""
     path = folder / picture.file
     data = np.frombuffer(path.read_bytes(), np.uint8) if path.exists() else np.zeros(0, np.uint8)
-    found = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
+    found = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if found is None:
-        found = np.full((150, _WIDTH_PX), 225, np.uint8)
-        cv2.putText(found, "no file", (60, 80), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _INK, 1, cv2.LINE_AA)
+        found = np.full((150, _WIDTH_PX, 3), 225, np.uint8)
+        cv2.putText(found, "no file", (60, 80), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _INK_BGR, 1, cv2.LINE_AA)
     height = max(1, round(found.shape[0] * _WIDTH_PX / found.shape[1]))
-    tile = np.full((height + _LABEL_PX, _WIDTH_PX), _PAPER, np.uint8)
+    tile = np.full((height + _LABEL_PX, _WIDTH_PX, 3), _PAPER, np.uint8)
     tile[:height] = cv2.resize(found, (_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
     label = f"{number}  {picture.camera}  {time}"
-    cv2.putText(tile, label, (2, height + 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, _INK, 1, cv2.LINE_AA)
+    cv2.putText(tile, label, (2, height + 13), cv2.FONT_HERSHEY_SIMPLEX, 0.4, _INK_BGR, 1, cv2.LINE_AA)
     return tile
 
 

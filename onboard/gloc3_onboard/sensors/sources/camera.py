@@ -17,7 +17,16 @@ from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sensors.pictures import load_picture
 from gloc3_onboard.sensors.registry import SensorKind, SourceKind, SourceRequest
 from gloc3_onboard.sensors.replay import Recorded, Replay, topic_records
-from gloc3_onboard.sensors.source_url import DELAY, RATE, VIDEO_GROUP, Number, Options, SourceUrl, device_problem
+from gloc3_onboard.sensors.source_url import (
+    DELAY,
+    PIXELS,
+    RATE,
+    VIDEO_GROUP,
+    Number,
+    Options,
+    SourceUrl,
+    device_problem,
+)
 from gloc3_onboard.sensors.sources.stereo import STEREO, SideBySide, pair_names
 from gloc3_onboard.sensors.threaded import ThreadedSource
 
@@ -35,6 +44,7 @@ V4L2: Final[Options] = {
     "gain": Number(0.0, 1e4),
     "format": None,
     **DELAY,
+    **PIXELS,
 }
 MANUAL_EXPOSURE: Final = 1.0
 """V4L2_EXPOSURE_MANUAL."""
@@ -50,7 +60,7 @@ FILE_HZ: Final = 15.0
 class VideoCamera(ThreadedSource[StampedImage]):
     """A camera that VideoCapture can open.
 
-    Frames are converted to grey, and keep their colours for people. Their time is the driver's if on the monotonic clock (V4L2), else that of arrival less
+    Frames are converted to grey, and keep their colours unless `pixels=grey`. Their time is the driver's if on the monotonic clock (V4L2), else that of arrival less
     `delay_s`. A file plays at its own pace from its opening on.
 
     Args:
@@ -128,7 +138,7 @@ class VideoCamera(ThreadedSource[StampedImage]):
             count += 1
             if is_file:
                 pause.wait(max(0.0, t_s - self.now_s()))
-            yield StampedImage(t_s, _image(cv2, pixels, self.name))
+            yield StampedImage(t_s, _image(cv2, pixels, self.name, keeps_colours=not self._url.is_grey))
         while is_file:  # it has ended; the camera falls silent, and is not lost
             pause.wait(0.1)
             yield None
@@ -168,8 +178,8 @@ def _set_up(cv2: Any, capture: Any, options: Mapping[str, str], name: str) -> No
         capture.set(cv2.CAP_PROP_GAIN, float(options["gain"]))
 
 
-def _image(cv2: Any, pixels: Any, name: str) -> Image:
-    """A picture in 8-bit grey for processors, with the colours beside it where there are any."""
+def _image(cv2: Any, pixels: Any, name: str, *, keeps_colours: bool) -> Image:
+    """A picture in 8-bit grey for processors, with the colours beside it where there are any and they are wanted."""
     if pixels.dtype != "uint8":
         pixels = (pixels >> 8).astype("uint8")
     if pixels.ndim == 3 and pixels.shape[2] == 1:
@@ -177,7 +187,7 @@ def _image(cv2: Any, pixels: Any, name: str) -> Image:
     is_grey = pixels.ndim == 2
     grey = pixels if is_grey else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
     height, width = grey.shape
-    bgr = b"" if is_grey else pixels.tobytes()
+    bgr = b"" if is_grey or not keeps_colours else pixels.tobytes()
     return Image(camera=name, width=width, height=height, data=grey.tobytes(), bgr=bgr)
 
 
@@ -264,6 +274,13 @@ SOURCES: Final = (
         group=VIDEO_GROUP,
         device_files=_of_pipeline,
     ),
-    SourceKind("rtsp", EYES, "rtsp://192.168.1.20:554/stream", _make, DELAY),
-    SourceKind("video", EYES, "video://flight.mp4, or video://pictures/%05d.png?rate_hz=15", _make, RATE, is_file=True),
+    SourceKind("rtsp", EYES, "rtsp://192.168.1.20:554/stream", _make, {**DELAY, **PIXELS}),
+    SourceKind(
+        "video",
+        EYES,
+        "video://flight.mp4, or video://pictures/%05d.png?rate_hz=15",
+        _make,
+        {**RATE, **PIXELS},
+        is_file=True,
+    ),
 )

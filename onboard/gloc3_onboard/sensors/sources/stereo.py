@@ -128,7 +128,11 @@ def half(image: Image, side: int, name: str) -> Image:
 
     rows = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
     data = rows[:, side * width : (side + 1) * width].tobytes()
-    return msgspec.structs.replace(image, camera=name, width=width, data=data)
+    bgr = b""
+    if len(image.bgr) == 3 * len(image.data):
+        colours = np.frombuffer(image.bgr, np.uint8).reshape(image.height, image.width, 3)
+        bgr = colours[:, side * width : (side + 1) * width].tobytes()
+    return msgspec.structs.replace(image, camera=name, width=width, data=data, bgr=bgr)
 
 
 def pair_names(device: str) -> tuple[str, str]:

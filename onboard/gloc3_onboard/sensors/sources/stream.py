@@ -6,11 +6,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
-from gloc3.camera.frame_stream import FrameError, FrameReader, GreyFrame, ScanFrame, encode_stream_request
+from gloc3.camera.frame_stream import COLOUR, CameraFrame, FrameError, FrameReader, ScanFrame, encode_stream_request
+from gloc3.errors import Refused
 from gloc3.messages.perception import LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.source_url import PIXELS
 from gloc3_onboard.sensors.sources.camera import EYES, camera_name
 from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
 
@@ -72,7 +74,7 @@ class StreamSource:
         """Keeps nothing of an earlier opening."""
         raise NotImplementedError
 
-    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
         """Keeps a record; returns whether it is new."""
         raise NotImplementedError
 
@@ -85,10 +87,13 @@ class StreamCamera(StreamSource):
         address: host and port.
         t_s_of: maps the vehicle's time to ours.
         part: which camera of the stream; empty for the one that has this name there, too.
+        pixels: `COLOUR`, or nothing for grey.
     """
 
-    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, part: str = "") -> None:
-        super().__init__(name, address, t_s_of, (part or name,))
+    def __init__(
+        self, name: str, address: tuple[str, int], t_s_of: MapTime, part: str = "", pixels: str = COLOUR
+    ) -> None:
+        super().__init__(name, address, t_s_of, ((part or name) + pixels,))
         self._part = part
         self._frame: StampedImage | None = None
 
@@ -100,8 +105,8 @@ class StreamCamera(StreamSource):
         """Keeps nothing."""
         self._frame = None
 
-    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
-        if not isinstance(record, GreyFrame) or self._part not in ("", record.camera):
+    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
+        if not isinstance(record, CameraFrame) or self._part not in ("", record.camera):
             return False
         self._frame = StampedImage(t_s, _image(record, self._name))
         return True
@@ -114,12 +119,13 @@ class StreamStereoCamera(StreamSource):
         names: names of the left and the right one, in the stream and here.
         address: host and port.
         t_s_of: maps the vehicle's time to ours.
+        pixels: `COLOUR`, or nothing for grey.
     """
 
-    def __init__(self, names: tuple[str, str], address: tuple[str, int], t_s_of: MapTime) -> None:
-        super().__init__(names[0], address, t_s_of, names)
+    def __init__(self, names: tuple[str, str], address: tuple[str, int], t_s_of: MapTime, pixels: str = COLOUR) -> None:
+        super().__init__(names[0], address, t_s_of, (names[0] + pixels, names[1] + pixels))
         self._names = names
-        self._sides: dict[str, GreyFrame] = {}
+        self._sides: dict[str, CameraFrame] = {}
         self._pair: StampedPair | None = None
 
     def pair(self) -> StampedPair | None:
@@ -130,8 +136,8 @@ class StreamStereoCamera(StreamSource):
         """Keeps nothing."""
         self._pair = None
 
-    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
-        if not isinstance(record, GreyFrame) or record.camera not in self._names:
+    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
+        if not isinstance(record, CameraFrame) or record.camera not in self._names:
             return False
         self._sides[record.camera] = record
         left, right = (self._sides.get(name) for name in self._names)
@@ -157,7 +163,7 @@ class StreamLaser(StreamSource):
         """Keeps nothing."""
         self._scan = None
 
-    def _accept(self, t_s: float, record: GreyFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
         if not isinstance(record, ScanFrame) or self._part not in ("", record.scanner):
             return False
         scan = LaserScan(
@@ -173,18 +179,20 @@ class StreamLaser(StreamSource):
         return True
 
 
-def _image(frame: GreyFrame, name: str) -> Image:
-    return Image(camera=name, width=frame.width, height=frame.height, data=frame.data)
+def _image(frame: CameraFrame, name: str) -> Image:
+    return Image(camera=name, width=frame.width, height=frame.height, data=frame.data, bgr=frame.bgr)
 
 
 def _make(request: SourceRequest) -> StreamSource:
     name, url, t_s_of = request.device, request.url, request.host.t_s_of_boot
-    address = url.address(name)
+    address, pixels = url.address(name), "" if url.is_grey else COLOUR
     if request.sensor.name == STEREO:
-        return StreamStereoCamera(pair_names(name), address, t_s_of)
+        return StreamStereoCamera(pair_names(name), address, t_s_of, pixels)
     if request.sensor.name == "laser":
+        if "pixels" in url.options:
+            raise Refused(f"{name}: a scanner has no pixels")
         return StreamLaser(name, address, t_s_of, url.part)
-    return StreamCamera(camera_name(name), address, t_s_of, url.part)
+    return StreamCamera(camera_name(name), address, t_s_of, url.part, pixels)
 
 
-SOURCES: Final = (SourceKind("tcp", (*EYES, "laser"), "tcp://127.0.0.1:5600", _make, takes_part=True),)
+SOURCES: Final = (SourceKind("tcp", (*EYES, "laser"), "tcp://127.0.0.1:5600", _make, PIXELS, takes_part=True),)

@@ -118,7 +118,7 @@ def test_a_landing_that_the_autopilot_never_ends_fails_soon_and_the_operator_is_
     )
     flight.await_state("recover.down", "running", 60.0)
     flight.await_state("mission", "failed", 60.0)
-    assert flight.was_told("it has stood still for 30 s, but is armed in mode AUTO.LAND")
+    assert flight.was_told("it has stood still for 30 s, but is armed in mode Land")
     assert flight.was_told("disarm it")
     assert flight.emergency_reply("disarm", flight.flight.name).outcome is Outcome.ACCEPTED
     flight.until(lambda: not flight.autopilot.is_armed, 5.0, "the operator disarms it")

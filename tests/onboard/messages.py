@@ -51,8 +51,8 @@ def autopilot_pose(north: float = 0.0, east: float = 0.0, height: float = 2.0, *
 
 def flying(mode: FlightMode = FlightMode.HOLD, **fields: Any) -> AutopilotState:
     """An autopilot in the air."""
-    values = {"is_armed": True, "landed": LandedState.IN_AIR, **fields}
-    return AutopilotState(is_connected=True, style=Style.PX4, mode=mode, mode_name=str(mode), **values)
+    values = {"is_armed": True, "landed": LandedState.IN_AIR, "mode_name": str(mode), **fields}
+    return AutopilotState(is_connected=True, style=Style.PX4, mode=mode, **values)
 
 
 def standing(mode: FlightMode = FlightMode.HOLD, **fields: Any) -> AutopilotState:

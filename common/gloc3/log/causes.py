@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 from gloc3.errors import Refused
 from gloc3.log.commands import words
 from gloc3.log.reader import LoggedMessage, LogReader
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.command_interface import QUERIES, CiRequest
 from gloc3.messages.envelope import ComponentStatus, Event
 from gloc3.messages.summaries import CiEvent
@@ -126,7 +127,7 @@ def _happenings(entry: LoggedMessage, states: dict[str, str]) -> Iterator[Happen
             states[payload.name] = state
         case AutopilotState():
             if states.get("autopilot", payload.mode_name) != payload.mode_name:
-                yield made("autopilot", f"mode {payload.mode_name}")
+                yield made("autopilot", f"mode {mode_words(payload.mode_name)}")
             states["autopilot"] = payload.mode_name
         case _ if topic == "sim/fault":
             fault, is_present = _fault(payload)

@@ -13,6 +13,7 @@ from typing import Final
 
 from gloc3.clock import passed
 from gloc3.errors import Refused
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk.autopilot_desk import BY_ITSELF, AutopilotDesk
 from gloc3_groundstation.desk.services_desk import ServicesDesk
@@ -167,7 +168,7 @@ class StickFlight:
         self._changed_s = self._loop.time()
         await self._reached[0].actions.set_mode(mode)
         self._changed_s = self._loop.time()
-        self._station.note(self._name, Severity.NOTICE, f"mode {mode}: accepted by the autopilot")
+        self._station.note(self._name, Severity.NOTICE, f"mode {mode_words(mode)}: accepted by the autopilot")
 
     def _checked(self) -> PlatformSnapshot:
         """The vehicle, if this station may fly it by sticks.
@@ -206,7 +207,7 @@ class StickFlight:
         else:
             if mode in ("", *family.modes, *family.rests) or self._loop.time() - self._changed_s < CHANGED_S:
                 return True
-            self.problem = f"ended: a pilot, another station or its failsafe has chosen {mode}"
+            self.problem = f"ended: a pilot, another station or its failsafe has chosen {mode_words(mode)}"
         self._is_open = False
         self.hand.silence()
         return False

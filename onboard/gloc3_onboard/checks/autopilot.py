@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from gloc3.amounts import beside
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.vehicle import AutopilotState, VehicleClass
 from gloc3_onboard.autopilot.health_words import UNHEALTHY
@@ -33,7 +34,7 @@ def autopilot_checks(readings: Readings) -> Iterator[Check]:
         yield Check(GROUP, "answers", Verdict.RED, was, advice)
         return
     what = f"{state.style} on a {state.vehicle}" if state.vehicle is not None else str(state.style)
-    yield Check(GROUP, "answers", Verdict.OK, f"{what}, mode {state.mode_name or 'unknown'}")
+    yield Check(GROUP, "answers", Verdict.OK, f"{what}, mode {mode_words(state.mode_name) or 'unknown'}")
     yield from _vehicle(readings, state)
     yield _arming(state)
     yield from _remote_id(readings)

@@ -5,6 +5,7 @@ from math import hypot, inf
 from typing import Any, Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, PortReport, Result
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import CommandReply, FunctionReply, FunctionRequest, Severity
 from gloc3.messages.frames import GeoPoint, TangentPlane
 from gloc3.messages.summaries import Cause, EventReport
@@ -282,7 +283,7 @@ class MissionHost:
         if autopilot.mode in BY_ITSELF.get(self._operated, ()):
             self._operated = autopilot.mode
             return True
-        executor.pilot_after_operator(f"mode {autopilot.mode_name} was chosen by another party", now_s)
+        executor.pilot_after_operator(f"mode {mode_words(autopilot.mode_name)} was chosen by another party", now_s)
         return False
 
     def _report_uncertainty(self, executor: MissionExecutor) -> None:

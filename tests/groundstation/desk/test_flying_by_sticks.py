@@ -231,7 +231,7 @@ def test_somebody_elses_mode_ends_it_a_hold_keeps_it_and_sticks_do_not_leave_the
         at.set_mode("Return")
         await at.run(1.5, is_held=True)
         assert not at.sticks.is_open
-        assert "has chosen AUTO.RTL" in at.sticks.problem
+        assert "has chosen Return" in at.sticks.problem
         count = len(at.sent)
         await at.run(1.0)
         assert len(at.sent) == count

@@ -105,11 +105,11 @@ async def test_a_multirotor_is_flown_by_a_joystick_and_stops_when_its_key_is_rel
             assert seen(here, name).speed_m_s < 0.5, "nothing moves before it has begun"
             pad.button(KEY, is_pressed=False)
             await here.press("enter")
-            await shows(here, "AT REST  POSCTL")
+            await shows(here, "AT REST  Position")
             await shows(here, "NAV_RCL_ACT is 2")
             assert seen(here, name).speed_m_s < 0.5, "nor without the key"
             pad.button(KEY, is_pressed=True)
-            await shows(here, "LIVE  POSCTL")
+            await shows(here, "LIVE  Position")
             await here.wait(lambda: seen(here, name).speed_m_s > 1.5)
             pad.button(KEY, is_pressed=False)
             await shows(here, "AT REST")

@@ -3,6 +3,7 @@
 from typing import Final, NamedTuple
 
 from gloc3_groundstation.joysticks.device import StickDemand
+from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.views.joystick import bar
 from gloc3_groundstation.tui.views.teleoperation import REPORTED_S, link_line
@@ -33,7 +34,7 @@ def stick_flight_lines(
     platform: PlatformSnapshot | None, shown: StickFlightView, round_trip_s: float | None, now_s: float
 ) -> tuple[Line, ...]:
     """State, link, sticks, motion, and what the vehicle's parameters say of sticks."""
-    mode = platform.vehicle.value.mode if platform is not None and platform.vehicle is not None else ""
+    mode = wording.mode(platform) if platform is not None else ""
     rows: list[Line] = [_state_line(platform, shown, mode, now_s), link_line(platform, round_trip_s, now_s), EMPTY]
     for name, stick in zip(("surge", "sway", "heave", "turn"), shown.sticks, strict=True):
         shown_bar = bar(stick)

@@ -9,6 +9,7 @@ from gloc3.component.component import Controller
 from gloc3.component.ports import Inbox, Input, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import yaw_of
 from gloc3.messages.standard_topics import AUTOPILOT_SILENT_S, POSE_LATE_S
@@ -122,7 +123,7 @@ class LandingController(ActionPerformer, Controller[LandingSettings]):
         seen = "not heard: the autopilot is silent"
         if state is not None and state.is_connected:
             landed = state.landed.replace("_", " ")
-            seen = f"armed in mode {state.mode_name or state.mode}, and the autopilot reports {landed}"
+            seen = f"armed in mode {mode_words(state.mode_name) or state.mode}, and the autopilot reports {landed}"
         if self._stands_since_s is not None and now_s - self._stands_since_s >= STILL_S:
             undetected = ": it does not detect that it has landed; if it stands on the ground, disarm it"
             return f"it has stood still for {STILL_S:g} s, but is {seen}{undetected}"

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.vehicle import AutopilotPose, AutopilotState, FlightMode, LandedState
 
@@ -159,7 +160,7 @@ class PilotWatch:
         elif before is None:
             self._expected = state.mode
             if state.is_armed:
-                reason = f"the vehicle was armed, in mode {state.mode_name}, before this driver started"
+                reason = f"the vehicle was armed, in mode {mode_words(state.mode_name)}, before this driver started"
                 self.lose(reason, is_failsafe=state.is_failsafe)
         else:
             may_come_down = comes_down and (may_settle or self._expected in _COMING_DOWN)
@@ -226,4 +227,4 @@ class PilotWatch:
 
     def _chosen(self, state: AutopilotState) -> str:
         who = "the autopilot (failsafe)" if state.is_failsafe else "another party"
-        return f"mode {state.mode_name} was chosen by {who}"
+        return f"mode {mode_words(state.mode_name)} was chosen by {who}"

@@ -85,6 +85,12 @@ def test_a_change_that_we_did_not_command_is_somebody_elses(ours: FlightMode, th
     assert story.watch.reason == f"mode {theirs} was chosen by another party"
 
 
+def test_a_pilot_s_mode_has_the_name_that_he_knows() -> None:
+    story = in_flight()
+    assert story.see(flying(RETURN, mode_name="AUTO.RTL"))
+    assert story.watch.reason == "mode Return was chosen by another party"
+
+
 def test_the_autopilots_own_failsafe_takes_over_too() -> None:
     story = in_flight()
     assert story.see(flying(RETURN, is_failsafe=True))

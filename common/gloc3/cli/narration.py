@@ -10,6 +10,8 @@ import threading
 from contextlib import suppress
 from typing import Final
 
+from gloc3.documents.characters import printable
+
 MOST_WAITING: Final = 1000
 """Lines that wait for a stderr that takes none at the moment; further ones are lost."""
 LAST_LINES_S: Final = 1.0
@@ -27,6 +29,7 @@ def narrate(text: str, level: int = INFO) -> None:
         text: one or more lines.
         level: severity, as in syslog and MAVLink: 0 the worst, 7 the least.
     """
+    text = printable(text)
     with suppress(OSError, ValueError):
         if is_journal():
             text = "\n".join(f"<{level}>{line}" for line in text.splitlines())

@@ -21,11 +21,18 @@ def steers(letter: str) -> bool:
 
 def first_steering(text: str) -> str:
     """The first character that steers; empty where there is none."""
-    return "" if text.isascii() and text.isprintable() else next(filter(steers, text), "")
+    return "" if text.isprintable() else next(filter(steers, text), "")
 
 
 def harmless(text: str) -> str:
     """The text on one line: white space as spaces, and a replacement character for each one that steers."""
-    if text.isascii() and text.isprintable():
+    if text.isprintable():
         return text
     return "".join(HARMLESS if steers(letter) else letter for letter in " ".join(text.split()))
+
+
+def printable(text: str) -> str:
+    """The text with its lines and spaces, and a replacement character for each one that steers."""
+    if text.isprintable():
+        return text
+    return "".join(HARMLESS if letter != "\n" and steers(letter) else letter for letter in text.replace("\t", "    "))

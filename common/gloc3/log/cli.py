@@ -9,6 +9,7 @@ from typing import Annotated, Final
 import msgspec
 from cyclopts import App, Parameter
 
+from gloc3.documents.characters import printable
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.installed import installed_points
 from gloc3.log.causes import TOPICS as HAPPENINGS
@@ -75,7 +76,11 @@ def info(
     topics = TopicTable.installed()
     with LogReader(find_log(file), topics.types) as reader, _progress("reading") as progress:
         found = summarize(reader, topics, progress)
-    print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render(found, has_all_events=events))  # noqa: T201
+    print(
+        msgspec.json.format(msgspec.json.encode(found)).decode()
+        if json
+        else printable(render(found, has_all_events=events))
+    )  # noqa: T201
     return DONE if found.is_finished and not found.losses else IMPERFECT
 
 
@@ -98,7 +103,7 @@ def commands_(
         reader.require_ours("requests of stations", "ci/*")
         found = list_commands(reader, has_queries=looks)
         _warn(reader)
-    print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else render_commands(found))  # noqa: T201
+    print(msgspec.json.format(msgspec.json.encode(found)).decode() if json else printable(render_commands(found)))  # noqa: T201
     return DONE
 
 
@@ -113,7 +118,7 @@ def why(file: Path, what: str, /) -> int:
     with LogReader(find_log(file), TopicTable.installed().types) as reader:
         reader.require_ours("events", *HAPPENINGS)
         happenings = read_happenings(reader)
-        print(render_causes(causes_of(happenings, find_happening(happenings, what))))  # noqa: T201
+        print(printable(render_causes(causes_of(happenings, find_happening(happenings, what)))))  # noqa: T201
         _warn(reader)
     return DONE
 
@@ -192,7 +197,7 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
             raise Gloc3Error(f"{file} holds no platform file: set --platform")
         comparisons = replay(reader, found, component, topics)
         _warn(reader)
-    print(render_comparisons(comparisons))  # noqa: T201
+    print(printable(render_comparisons(comparisons)))  # noqa: T201
     return DONE if all(comparison.is_same for comparison in comparisons) else IMPERFECT
 
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import msgspec
 from cyclopts import App, Parameter
 
+from gloc3.documents.characters import printable
 from gloc3.cli.narration import narrate
 from gloc3.errors import Refused
 from gloc3.messages.preflight import Check, summary, worst
@@ -83,6 +84,7 @@ def _line(check: Check, *, is_coloured: bool) -> str:
     text = f"{check.verdict:<8} {check.title}: {check.finding}" + (
         f"\n         -> {check.advice}" if check.advice else ""
     )
+    text = printable(text)
     codes = {"red": "31;1", "warning": "33", "unknown": "2"}
     code = codes.get(check.verdict)
     return f"\x1b[{code}m{text}\x1b[0m" if is_coloured and code and not os.environ.get("NO_COLOR") else text

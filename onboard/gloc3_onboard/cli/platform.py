@@ -13,6 +13,7 @@ from cyclopts import App, Parameter
 
 from gloc3.cli.counting import counted
 from gloc3.cli.narration import narrate
+from gloc3.documents.characters import printable
 from gloc3.errors import Refused
 from gloc3_onboard.cli.onboard_options import DEFAULT_AUTOPILOT, MOST_SYSTEM_ID, Flag
 
@@ -50,7 +51,7 @@ def check(platform: str, /, *, json: Flag = False) -> int:
         print(msgspec.json.format(msgspec.json.encode(report.as_dict()), indent=2).decode())  # noqa: T201
         return 0 if report.is_ok else 1
     for finding in report.findings:
-        print(finding)  # noqa: T201
+        print(printable(str(finding)))  # noqa: T201
     errors = sum(not finding.is_warning for finding in report.findings)
     warnings = len(report.findings) - errors
     noted = f" ({counted(warnings, 'warning')})" if warnings else ""
@@ -75,7 +76,7 @@ def show(platform: str, /, *, full: Flag = False) -> int:
         for finding in report.findings:
             narrate(str(finding))
         return 1
-    print(whole_text(platform).rstrip() if full else "\n".join(described(report.platform)))  # noqa: T201
+    print(printable(whole_text(platform).rstrip() if full else "\n".join(described(report.platform))))  # noqa: T201
     return 0
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.log.cli import app
+from gloc3.messages.envelope import Event, Severity
 
-from .samples import flight_log
+from .samples import POSE, LogInMemory, flight_log
 
 pytestmark = pytest.mark.thorough
 
@@ -39,6 +40,16 @@ def test_info_tells_what_a_log_holds(file: Path, capsys: pytest.CaptureFixture[s
     assert pose.endswith("slow")
     assert "camera: OSError: no frame (x1, 2.000 s to 2.000 s)" in text
     assert "and 1 routine" in text
+
+
+def test_what_a_log_tells_does_not_steer_the_terminal(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = LogInMemory()
+    log.send("components/camera/event", Event(severity=Severity.ERROR, text="\x1b[2J\x07no"), 1.0, POSE)
+    file.write_bytes(log.close())
+    run("info", file)
+    text = capsys.readouterr().out
+    assert "\ufffd[2J\ufffdno" in text
+    assert "\x1b" not in text
 
 
 def test_info_for_programs_is_json(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,6 +45,16 @@ async def test_what_comes_is_shown_and_keys_that_make_no_sense_do_nothing() -> N
         assert "number 39" in events.render_line(events.size.height - 1).text
 
 
+async def test_a_vehicle_s_text_does_not_steer_the_terminal() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        here.platform.event("\x1b[2J \u202eend")
+        await here.until("events", "end")
+        events = here.app.screen.query_one("#events", Panel)
+        drawn = [segment.text for row in range(events.size.height) for segment in events.render_line(row)]
+        assert any("\ufffd[2J \ufffdend" in text for text in drawn)
+
+
 async def test_what_comes_while_it_ends_is_shown_to_nobody() -> None:
     async with scene(None) as here:
         pass

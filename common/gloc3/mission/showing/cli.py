@@ -10,6 +10,7 @@ from typing import Annotated, Final
 from cyclopts import App, Parameter
 
 from gloc3.cli.counting import counted
+from gloc3.documents.characters import printable
 from gloc3.errors import Finding, InputError, NotFound, Refused
 from gloc3.installed import installed_points
 from gloc3.mission.assigning.assignment import AvailableVehicle, TaskAssignment, assign
@@ -394,8 +395,8 @@ def _fail(error: InputError, code: int = FAILED) -> int:
 
 
 def _print(text: str, end: str = "\n") -> None:
-    sys.stdout.write(text + end)
+    sys.stdout.write(printable(text) + end)
 
 
 def _report_problem(text: str) -> None:
-    sys.stderr.write(text + "\n")
+    sys.stderr.write(printable(text) + "\n")

@@ -9,6 +9,7 @@ from textual.geometry import Region, Size
 from textual.message import Message
 from textual.strip import Strip
 
+from gloc3.documents.characters import printable
 from gloc3_groundstation.tui.views.mission.graph import Graph, GraphSpot
 from gloc3_groundstation.tui.widgets.lines import Line
 from gloc3_groundstation.tui.widgets.panel import Panel
@@ -97,7 +98,7 @@ class GraphPanel(Panel):
         base = self.rich_style
         if index >= len(self._graph.lines):
             return Strip.blank(self.size.width, base)
-        segments = [Segment(span.text, base + self._style(span.tone)) for span in self._graph.lines[index]]
+        segments = [Segment(printable(span.text), base + self._style(span.tone)) for span in self._graph.lines[index]]
         strip = Strip(segments).adjust_cell_length(max(self._graph.width, self.size.width), base)
         spot = self._spot()
         if spot is not None and spot.y == index:

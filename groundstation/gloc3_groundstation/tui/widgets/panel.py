@@ -11,6 +11,7 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from gloc3.documents.characters import printable
 from gloc3_groundstation.tui.widgets.lines import Line, Tone
 
 
@@ -84,7 +85,7 @@ class Panel(ScrollView, can_focus=True):
         line = self._lines[index]
         strip = self._strips.get(line)
         if strip is None:
-            segments = [Segment(span.text, self._full_style(span.tone, base)) for span in line]
+            segments = [Segment(printable(span.text), self._full_style(span.tone, base)) for span in line]
             strip = Strip(segments).adjust_cell_length(self.size.width, base)
             if len(self._strips) > 4 * len(self._lines) + 100:
                 self._strips.clear()

@@ -8,9 +8,10 @@ import msgspec
 
 from gloc3.mavlink import codec
 from gloc3.mavlink.flight_modes import mode_name
-from gloc3.mavlink.message import MavlinkMessage
+from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.services.heartbeat import ARMED
+from gloc3.mavlink.services.statustext import StatusText, StatusTextReceiver
 from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.messages.motion import MotionSummary, SiteSummary, Whole3
 from gloc3.messages.summaries import VehicleSummary
@@ -40,10 +41,14 @@ WANTED: Final = frozenset(
     codec.shape(name).id for name in (*RECEIVED_MESSAGES, "EXTENDED_SYS_STATE", "VFR_HUD", "SYSTEM_TIME", "GPS_RAW_INT")
 )
 """Messages about the vehicle's state, besides its heartbeat."""
-_IDS: Final = WANTED | {codec.shape(name).id for name in ("HEARTBEAT", *READINGS)}
+_IDS: Final = WANTED | {codec.shape(name).id for name in ("HEARTBEAT", "STATUSTEXT", *READINGS)}
 _VOLTAGE_UNKNOWN: Final = 65_535
 RTK_FIXES: Final = (5, 6)
 """GPS_FIX_TYPE of RTK: float and fixed."""
+REPEATED_S: Final = 30.0
+"""An autopilot repeats what keeps it from arming; the same text counts again after this time, s."""
+MOST_TEXTS: Final = 20
+"""Texts that are kept until the vehicle has a name."""
 STATE_HZ: Final = 1.0
 """Rate at which messages about the state are requested, Hz."""
 
@@ -139,6 +144,10 @@ class AutopilotWatch:
         self._sequence: int | None = None
         self._received: set[int] = set()
         self._jumps: deque[tuple[float, bool]] = deque(maxlen=DOUBLED_JUMPS)
+        self._receiver = StatusTextReceiver(Address(0, 0))
+        self._texts: deque[StatusText] = deque(maxlen=MOST_TEXTS)
+        self._told_s: dict[str, float] = {}
+        """When each of the last texts was told."""
 
     def receive(self, frame: Frame, now_s: float) -> None:
         """Takes in a frame that the autopilot has sent."""
@@ -158,6 +167,8 @@ class AutopilotWatch:
                 self.autopilot, self.vehicle_type = message.autopilot, message.type
                 self.is_armed, self._mode = bool(message.base_mode & ARMED), message.custom_mode
                 self.flight.update(is_flying=self.is_armed and self._landed != _LANDED[1], now_s=now_s)
+            case "STATUSTEXT":
+                self._receiver.receive(message, frame.sender, now_s)
             case "SYS_STATUS":
                 self._battery_percent = message.battery_remaining if 0 <= message.battery_remaining <= 100 else -1
             case "GPS_RAW_INT":
@@ -173,6 +184,19 @@ class AutopilotWatch:
                 self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
             case "SYSTEM_TIME":
                 self._booted(now_s - message.time_boot_ms / 1000.0, now_s)
+
+    def new_texts(self, now_s: float) -> list[StatusText]:
+        """What it has said since the last call, without repeats."""
+        self._receiver.tick(now_s)
+        self._texts.extend(self._receiver.events())
+        self._told_s = {text: at_s for text, at_s in self._told_s.items() if now_s - at_s < REPEATED_S}
+        found = []
+        while self._texts:
+            text = self._texts.popleft()
+            if text.text not in self._told_s:
+                self._told_s[text.text] = now_s
+                found.append(text)
+        return found
 
     def missing(self, *, has_companion: bool) -> dict[int, float]:
         """Those of the wanted messages that have not come, with the rates to request, Hz.

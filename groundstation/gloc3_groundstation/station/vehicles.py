@@ -238,6 +238,18 @@ class Vehicles:
             best = self._route(name)
             if best is not None:
                 fleet = self._shown(fleet, name, best, now_s)
+                fleet = self._with_texts(fleet, name, best, now_s)
+        return fleet
+
+    def _with_texts(self, fleet: Fleet, name: str, key: SenderKey, now_s: float) -> Fleet:
+        """What an autopilot says, as events, unless a companion passes it on."""
+        routes = [route for route, owner in self._names.items() if owner == name]
+        texts = {route: self._watches[route].new_texts(now_s) for route in routes}[key]  # the others bring the same
+        known = fleet.get(name)
+        if known is not None and (not known.has_companion or known.is_quiet_link(now_s)):
+            for text in texts:
+                severity = Severity(min(text.severity, Severity.DEBUG))
+                fleet = reducers.note(fleet, name, severity, f"the autopilot says: {text.text}", now_s)
         return fleet
 
     def _name_for(self, key: SenderKey, watch: AutopilotWatch, fleet: Fleet, now_s: float) -> str | None:

@@ -48,6 +48,43 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
     over(play)
 
 
+def test_what_a_bare_autopilot_says_is_an_event_and_repeats_and_other_routes_are_not() -> None:
+    async def play(scene: Scene) -> None:
+        routes = [Autopilot(memory, ARDUPILOT) for memory in scene.memories]
+        await scene.pass_s(5.0)
+        for _ in range(3):
+            for autopilot in routes:
+                autopilot.report("STATUSTEXT", severity=4, text="PreArm: Compass not healthy")
+            await scene.pass_s(1.0)
+        routes[0].report("STATUSTEXT", severity=2, text="Crash: Disarming: AngErr=77>30, Accel=0.3<3.0, and", id_=7)
+        routes[0].report("STATUSTEXT", severity=2, text=" more", id_=7, chunk_seq=1)
+        await scene.pass_s(1.0)
+        said = [(one.severity, one.text) for one in scene.station.fleet.events if "says" in one.text]
+        assert said == [
+            (Severity.WARNING, "the autopilot says: PreArm: Compass not healthy"),
+            (Severity.CRITICAL, "the autopilot says: Crash: Disarming: AngErr=77>30, Accel=0.3<3.0, and more"),
+        ]
+        await scene.pass_s(40.0)
+        routes[0].report("STATUSTEXT", severity=4, text="PreArm: Compass not healthy")
+        await scene.pass_s(1.0)
+        assert len([text for text in scene.texts() if "Compass" in text]) == 2
+
+    over(play)
+
+
+def test_what_the_autopilot_of_a_companion_says_is_passed_on_by_that_alone() -> None:
+    async def play(scene: Scene) -> None:
+        autopilot = Autopilot(scene.memories[0], PX4)
+        tunnel = scene.companion(0)
+        await scene.pass_s(5.0)
+        autopilot.report("STATUSTEXT", severity=4, text="low battery")
+        await scene.pass_s(1.0)
+        assert not [text for text in scene.texts() if "says" in text]
+        tunnel.close()
+
+    over(play)
+
+
 def test_a_bare_vehicle_gets_no_commands_and_says_so() -> None:
     async def play(scene: Scene) -> None:
         Autopilot(scene.memories[0], PX4)

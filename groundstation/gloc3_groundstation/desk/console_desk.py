@@ -1,6 +1,6 @@
 """The console on the desk: lines typed into the vehicle's shell, with their history."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from gloc3_groundstation.desk.service_jobs import JobStarter, ServiceKind
@@ -16,11 +16,10 @@ class ConsoleDesk:
     Args:
         begin: begins what takes time.
         service: of the vehicle.
-        require_control: refuses where this station may not command the vehicle.
     """
 
-    def __init__(self, begin: JobStarter, service: ConsoleService, require_control: Callable[[], None]) -> None:
-        self._begin, self._service, self._require_control = begin, service, require_control
+    def __init__(self, begin: JobStarter, service: ConsoleService) -> None:
+        self._begin, self._service = begin, service
         self._history: list[str] = []
 
     @property
@@ -43,18 +42,16 @@ class ConsoleDesk:
 
         async def work(report: OnProgress) -> str:
             del report
-            self._require_control()
             await self._service.open(while_armed=while_armed)
             return "the shell answers"
 
-        self._begin(ServiceKind.CONSOLE, "opening the shell", work)
+        self._begin(ServiceKind.CONSOLE, "opening the shell", work, needs_control=True)
 
     def run(self, line: str, *, while_armed: bool = False) -> None:
         """Types a line."""
 
         async def work(report: OnProgress) -> str:
             del report
-            self._require_control()
             await self._service.run(line, while_armed=while_armed)
             return f"shell: {line}"
 

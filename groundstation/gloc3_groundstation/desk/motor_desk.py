@@ -19,7 +19,6 @@ class MotorDesk:
     Args:
         begin: begins what takes time.
         service: of the vehicle.
-        require_control: refuses where this station may not command the vehicle.
         now_s: the station's time.
     """
 
@@ -27,13 +26,12 @@ class MotorDesk:
         self,
         begin: JobStarter,
         service: MotorTestService,
-        require_control: Callable[[], None],
         now_s: Callable[[], float],
     ) -> None:
         self.settings = MotorTestSettings()
         self.outcomes: dict[int, str] = {}
         """By motor, in a word."""
-        self._begin, self._service, self._require_control, self._now_s = begin, service, require_control, now_s
+        self._begin, self._service, self._now_s = begin, service, now_s
         self._confirmed_until_s = float("-inf")
 
     @property
@@ -58,10 +56,9 @@ class MotorDesk:
         if not self.is_confirmed:
             return
         settings = self.settings
+        self.outcomes[motor] = "not tested"
 
         async def work(report: OnProgress) -> str:
-            self.outcomes[motor] = "not tested"
-            self._require_control()
             self.outcomes[motor] = "stopped"
             try:
                 await self._service.run(motor, settings, report)

@@ -1,6 +1,5 @@
 """Plans on the desk: download, open a file, upload, verify, save, clear."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
@@ -33,10 +32,9 @@ class PlanDesk:
     Args:
         begin: begins what takes time.
         service: of the vehicle.
-        require_control: refuses where this station may not command the vehicle.
     """
 
-    def __init__(self, begin: JobStarter, service: PlanService, require_control: Callable[[], None]) -> None:
+    def __init__(self, begin: JobStarter, service: PlanService) -> None:
         self.found: VehiclePlan | None = None
         """The plan found on the vehicle at the last download."""
         self.file: PlanFile | None = None
@@ -45,7 +43,7 @@ class PlanDesk:
         """Between file and vehicle; empty where they are the same, None while that is not known."""
         self.rally: tuple[RallyPoint, ...] | None = None
         """The rally points found on the vehicle at the last download; None before it."""
-        self._begin, self._service, self._require_control = begin, service, require_control
+        self._begin, self._service = begin, service
 
     def download(self) -> None:
         """Gets mission, fence and rally points."""
@@ -136,7 +134,6 @@ class PlanDesk:
         """Replaces the rally points of the vehicle, reads them back and compares; its mission and fence stay."""
 
         async def work(report: OnProgress) -> str:
-            self._require_control()
             self.found, self.rally = None, None
             differences = await self._service.upload(ForeignPlan(rally=points), report, (PlanType.RALLY,))
             if differences:

@@ -50,8 +50,16 @@ Work: TypeAlias = Callable[[OnProgress], Awaitable[str]]
 class JobStarter(Protocol):
     """Starts a job for a service."""
 
-    def __call__(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
-        """Starts it; changes to the vehicle are reported to all."""
+    def __call__(
+        self,
+        service: ServiceKind,
+        what: str,
+        work: Work,
+        *,
+        is_change: bool = False,
+        needs_control: bool | None = None,
+    ) -> None:
+        """Starts it; changes to the vehicle are reported to all, and need control, unless `needs_control` says else."""
 
 
 class Jobs:

@@ -72,9 +72,9 @@ class VehicleDesk:
         self.folder: Final = folder
         self.jobs: Final = Jobs()
         self.parameters: Final = ParameterDesk(self.begin, services.parameters)
-        self.plans: Final = PlanDesk(self.begin, services.plans, self.require_control)
-        self.console: Final = ConsoleDesk(self.begin, services.console, self.require_control)
-        self.motors: Final = MotorDesk(self.begin, services.motors, self.require_control, station.now_s)
+        self.plans: Final = PlanDesk(self.begin, services.plans)
+        self.console: Final = ConsoleDesk(self.begin, services.console)
+        self.motors: Final = MotorDesk(self.begin, services.motors, station.now_s)
         self.logs: tuple[LogLine, ...] | None = None
         """The newest first; None until they were listed."""
         self.listing: Folder | None = None
@@ -109,17 +109,31 @@ class VehicleDesk:
         """Path of a typed file name: relative to the desk's folder, or to the home folder with `~`."""
         return self.folder / Path(typed.strip()).expanduser()
 
-    def begin(self, service: ServiceKind, what: str, work: Work, *, is_change: bool = False) -> None:
-        """Begins something; what changes the vehicle becomes an event."""
-        self.jobs.begin(service, what, work, self._note if is_change else None)
+    def begin(
+        self,
+        service: ServiceKind,
+        what: str,
+        work: Work,
+        *,
+        is_change: bool = False,
+        needs_control: bool | None = None,
+    ) -> None:
+        """Begins something; what changes the vehicle becomes an event, and is refused without control of it.
 
-    def require_control(self) -> None:
-        """Checks that this station may command the vehicle.
-
-        Raises:
-            Refused: it is an observer, or not in control.
+        Args:
+            service: whose job it is.
+            what: text until the work reports its progress.
+            work: the work.
+            is_change: whether it changes the vehicle.
+            needs_control: whether this station must be in control; None for what changes the vehicle.
         """
-        require_control(self._station, self.name)
+
+        async def permitted(report: OnProgress) -> str:
+            if is_change if needs_control is None else needs_control:
+                require_control(self._station, self.name)
+            return await work(report)
+
+        self.jobs.begin(service, what, permitted, self._note if is_change else None)
 
     # --- logs ---
 
@@ -171,7 +185,8 @@ class VehicleDesk:
             there = f"{left} stay onboard" if left else "deleted onboard"
             return f"{counted(len(pulled), 'log')} of the onboard computer: in {folder}, digests equal, {there}"
 
-        self.begin(ServiceKind.LOGS, "fetching the onboard computer's logs", work, is_change=True)
+        what = "fetching the onboard computer's logs"
+        self.begin(ServiceKind.LOGS, what, work, is_change=True, needs_control=False)
 
     def erase_logs(self) -> None:
         """Has the vehicle erase all its logs."""
@@ -252,8 +267,6 @@ class VehicleDesk:
 
         async def work(report: OnProgress) -> str:
             del report
-            if kind in (CalibrationKind.ESC, CalibrationKind.RADIO):
-                self.require_control()
             self.calibration = state = await self.services.calibration.run(kind, self._receive_calibration)
             if state.phase is not CalibrationPhase.DONE:
                 raise Refused(f"{kind}: {state.phase}{f', {state.reason}' if state.reason else ''}")

@@ -12,6 +12,8 @@ from textual.widgets import Input, Static
 
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.transport.memory import Conditions
+from gloc3.messages.command_interface import StationRole
+from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.widgets.entry import TextEntry
 from gloc3_groundstation.tui.widgets.lines import text_of
@@ -47,6 +49,30 @@ def text_of_entry(here: ServicesScene) -> str:
 
 def wrong_of_entry(here: ServicesScene) -> str:
     return str(here.app.screen.query_one("#entry_wrong", Static).content)
+
+
+async def test_an_observer_changes_nothing_and_reads_everything() -> None:
+    async with services_scene() as here:
+        here.station.client.role = StationRole.OBSERVER
+        vehicle = here.app.desk.services.vehicle(NAME)
+        vehicle.parameters.set("MPC_XY_VEL_MAX", 8.5)
+        vehicle.plans.clear()
+        vehicle.erase_logs()
+        vehicle.remove_file("/fs/a.txt", is_folder=False)
+        vehicle.console.open()
+        refused = (
+            ServiceKind.PARAMETERS,
+            ServiceKind.PLANS,
+            ServiceKind.LOGS,
+            ServiceKind.FILES,
+            ServiceKind.CONSOLE,
+        )
+        await here.wait(lambda: set(refused) <= vehicle.jobs.outcomes.keys())
+        for one in refused:
+            assert "may look and not command" in vehicle.jobs.outcomes[one].text, one
+        vehicle.parameters.fetch()
+        await here.wait(lambda: vehicle.jobs.outcomes.get(ServiceKind.PARAMETERS) is not None)
+        await here.wait(lambda: "36 parameters" in vehicle.jobs.outcomes[ServiceKind.PARAMETERS].text)
 
 
 async def test_a_parameter_is_searched_edited_within_its_bounds_and_marked(tmp_path: Path) -> None:

@@ -148,7 +148,7 @@ def test_a_plan_is_told_item_by_item_with_what_differs_first() -> None:
         raw={},
     )
     desk = PlanDesk(
-        lambda service, what, work, *, is_change=False: None, PlanService.__new__(PlanService), lambda: None
+        lambda service, what, work, *, is_change=False, needs_control=None: None, PlanService.__new__(PlanService)
     )
     assert service_plans.plans_title(desk) == "on the vehicle: not downloaded"
     desk.file = PlanFile(name="a.plan", plan=plan)

@@ -146,7 +146,7 @@ class AutopilotWatch:
         self._jumps: deque[tuple[float, bool]] = deque(maxlen=DOUBLED_JUMPS)
         self._receiver = StatusTextReceiver(Address(0, 0))
         self._texts: deque[StatusText] = deque(maxlen=MOST_TEXTS)
-        self._told_s: dict[str, float] = {}
+        self._reported_s: dict[str, float] = {}
         """When each of the last texts was told."""
 
     def receive(self, frame: Frame, now_s: float) -> None:
@@ -189,12 +189,12 @@ class AutopilotWatch:
         """What it has said since the last call, without repeats."""
         self._receiver.tick(now_s)
         self._texts.extend(self._receiver.events())
-        self._told_s = {text: at_s for text, at_s in self._told_s.items() if now_s - at_s < REPEATED_S}
+        self._reported_s = {text: at_s for text, at_s in self._reported_s.items() if now_s - at_s < REPEATED_S}
         found = []
         while self._texts:
             text = self._texts.popleft()
-            if text.text not in self._told_s:
-                self._told_s[text.text] = now_s
+            if text.text not in self._reported_s:
+                self._reported_s[text.text] = now_s
                 found.append(text)
         return found
 

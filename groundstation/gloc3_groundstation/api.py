@@ -24,7 +24,7 @@ from gloc3.clock import utc_now
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.errors import NoContact as NotHeard
 from gloc3.mavlink.signing_key import read_signing_key
-from gloc3.messages.command_interface import EmergencyVerb, Verb
+from gloc3.messages.command_interface import Control, ControlVerb, EmergencyVerb, Verb
 from gloc3.network.file import read_network
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
@@ -199,6 +199,31 @@ class ScriptVehicle:
         if self._follower is None:
             raise Refused(f"no mission of {self.name} was started here: start() first")
         return self._follower
+
+    # --- roles of a network's members ---
+
+    async def appoint(self, member: str, role: str, for_s: float) -> str:
+        """Gives a member of the network a role for some time, as a commander of the vehicle; returns the answer.
+
+        Args:
+            member: its name.
+            role: operator, maintainer, or observer, which takes all other roles away meanwhile.
+            for_s: for how long, s.
+
+        Raises:
+            Refused: this station is no commander, or the role cannot be given.
+        """
+        body = Control(verb=ControlVerb.APPOINT, station=member, role=role, for_s=for_s)
+        return (await self._station.client.carry_out(self.name, body)).reason
+
+    async def dismiss(self, member: str) -> str:
+        """Takes a given role back; returns the answer.
+
+        Raises:
+            Refused: this station is no commander, or no role is given.
+        """
+        body = Control(verb=ControlVerb.DISMISS, station=member)
+        return (await self._station.client.carry_out(self.name, body)).reason
 
     async def _steer(self, verb: Verb, target: str) -> None:
         await flights.request_control(self._station, self.name)

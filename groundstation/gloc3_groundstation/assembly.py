@@ -95,7 +95,7 @@ class GroundStation:
         self.station: Final = Station(self.exchange, self.loop, setup.name, setup.boot, feed)
         self.station.terrain = setup.terrain
         if setup.network is not None:
-            self.station.client.role = role_of(setup.network)
+            self.station.client.role, self.station.is_member = role_of(setup.network), True
         self._silences = self._begin_silences()
         self._recording = self._begin_recording()
         events = None if self._recording is None else self._recording.events

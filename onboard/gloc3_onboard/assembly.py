@@ -20,6 +20,7 @@ from gloc3.mavlink.transport.endpoints import Endpoint, parse_url
 from gloc3.messages.command_interface import StationRole
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import LinkCondition
+from gloc3.network.rights_file import Right
 from gloc3.platform.platform import Platform
 from gloc3_onboard.autopilot.arm_authority import ArmAuthority
 from gloc3_onboard.autopilot.device import AutopilotDevice
@@ -162,6 +163,11 @@ class VehicleSide:
         """
         context, wanted, number = self._inputs.context, parse_url(url), len(self.stations) + 1
         signing, role = self._inputs.sign(url, number), StationRole(wanted.role)
+        member = self._inputs.member_of(url, number)
+        if not self._inputs.rights_of_members().may(member, Right.CONTROL):
+            role = StationRole.OBSERVER
+            whose = f"{member}, whose key it has," if member else "its key stands for no member, so its stations"
+            self._inputs.report(Severity.NOTICE, f"{wanted.address}: {whose} may only look")
         link = StationLink(
             context.platform,
             self._inputs.system_id,
@@ -169,7 +175,9 @@ class VehicleSide:
             context.exchange,
             context.topics,
             self._boot(),
-            StationLinkSettings(budget or budget_of(url, is_signed=signing is not None), signing, role, wanted.address),
+            StationLinkSettings(
+                budget or budget_of(url, is_signed=signing is not None), signing, role, wanted.address, member
+            ),
         )
         self.stations.append(link)
         # What observers send reaches our own command interface alone, which tells looking from commanding.
@@ -273,6 +281,7 @@ class VehicleSide:
             "pictures": storage.pictures,
             "site": parts.add("site", site),
         }
+        site.rights = inputs.rights_of_members()
         self.onboard = host_components(parts, inputs.platform, context, devices, hosting)
         return self.onboard
 

@@ -10,6 +10,7 @@ from gloc3.component.context import HostContext
 from gloc3.component.deployment import ComponentRow
 from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.transport.endpoints import Endpoint
+from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
 from gloc3.store import Records
 from gloc3.terrain import Terrain
@@ -109,11 +110,19 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Reads the computer's load."""
     sign: Callable[[str, int], Signing | None] = lambda _url, _number: None
     """Signs the link of a URL and number, 0 being the autopilot's; None for a link without a key."""
+    rights: Rights | None = None
+    """Of the members of the network; None for everyone's."""
+    member_of: Callable[[str, int], str] = lambda _url, _number: ""
+    """Member of the network for whom the signing key of a link stands; empty for none."""
     system_id: int = 1
     accepts_plans: bool = False
     """Plans that other stations send to the autopilot become missions, and do not reach it."""
     terrain: Terrain | None = None
     """Heights of the ground, for missions; None without tiles."""
+
+    def rights_of_members(self) -> Rights:
+        """The rights of the network's members."""
+        return self.rights or Rights(self.platform.platform, self.context.clock.utc_s)
 
 
 class Attachment(NamedTuple):

@@ -10,7 +10,7 @@ import contextlib
 import re
 import signal
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import ExitStack, asynccontextmanager
 from datetime import UTC, datetime, timedelta
 from itertools import count
@@ -22,6 +22,7 @@ from msgspec.structs import replace
 from tests.commands.programs import Program, program
 from tests.common.network.yard import NOW, Yard
 
+from gloc3.clock import utc_now
 from gloc3.exchange import Publisher
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.exchange.zenoh_session import ZenohEndpoints
@@ -30,8 +31,12 @@ from gloc3.log.reader import LogReader
 from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, CiRequest, Control, ControlVerb
 from gloc3.messages.envelope import Envelope, FunctionRequest
 from gloc3.messages.topics import TopicTable
+from gloc3.messages.wire import type_name
 from gloc3.network import register
 from gloc3.network.access import MemberRole
+from gloc3.network.authority import read_certificate, read_key
+from gloc3.network.platform_clocks import PlatformClocks
+from gloc3.network.signatures import FileKey, RequestSigner
 from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
@@ -89,16 +94,20 @@ class Rates:
 
 
 class Speaker:
-    """A station that asks under some name, on some keys."""
+    """A station that asks under some name, on some keys, and signs with the key of its certificate, if it has one."""
 
-    def __init__(self, exchange: ZenohExchange, name: str, rates: Rates, boot: int) -> None:
+    def __init__(
+        self, exchange: ZenohExchange, name: str, rates: Rates, boot: int, signer: RequestSigner | None
+    ) -> None:
         self.rates_hz: list[float] = []
         self._name, self._rates, self._boot = name, rates, boot
         self._exchange = exchange
         self._publisher = Publisher(exchange, name, "ci", boot)
-        self._sequences = count()
+        self._sequences, self._numbers = count(), count()
         self._answered: dict[int, asyncio.Future[CiReply]] = {}
+        self._signer, self._clocks, self._now_s = signer, PlatformClocks(), asyncio.get_running_loop().time
         exchange.subscribe(f"{PLATFORM}/ci/reply", self._receive)
+        exchange.subscribe(f"{PLATFORM}/ci/summary", lambda one: self._clocks.receive(one, self._now_s()))
 
     def request(self, body: AnyBody) -> CiRequest:
         """The next request."""
@@ -106,7 +115,13 @@ class Speaker:
 
     def send(self, key: str, request: CiRequest) -> None:
         """Sends it on a key."""
-        self._publisher.publish(f"{PLATFORM}/ci/{key}", request, 0.0)
+        topic, source = f"{PLATFORM}/ci/{key}", self._publisher.source
+        envelope: Envelope[Any] = Envelope(topic, source, next(self._numbers), 0.0, "", type_name(CiRequest), request)
+        if self._signer is not None and key != "request":
+            until_s, boot = self._clocks.until_s(PLATFORM, self._now_s(), TIMEOUT_S), self._clocks.boot(PLATFORM)
+            types, utc_s = TopicTable.installed().types, utc_now().timestamp()
+            envelope = self._signer.sign(envelope, types, until_s=until_s, boot=boot, utc_s=utc_s)
+        self._exchange.publish(envelope)
 
     def command(self) -> CallFunction:
         """One that is known again."""
@@ -128,6 +143,8 @@ class Speaker:
         request = self.request(body)
         answer = self._answered[request.sequence] = asyncio.get_running_loop().create_future()
         async with asyncio.timeout(TIMEOUT_S):
+            while not self._clocks.boot(PLATFORM):
+                await asyncio.sleep(0.05)
             while not answer.done():
                 for _ in range(times):
                     self.send(f"request/{self._name}", request)
@@ -140,6 +157,15 @@ class Speaker:
         answer = self._answered.get(reply.sequence)
         if reply.sender == self._name and reply.boot == self._boot and answer is not None and not answer.done():
             answer.set_result(reply)
+
+
+def signer_of(settings: Mapping[str, Any]) -> RequestSigner | None:
+    """Signs with the key that Zenoh's settings name; None where they name none."""
+    link = settings.get("transport/link/tls", {})
+    if "connect_private_key" not in link:
+        return None
+    key, certificate = Path(link["connect_private_key"]), Path(link["connect_certificate"])
+    return RequestSigner(FileKey(read_key(key)), read_certificate(certificate))
 
 
 class Scene:
@@ -172,7 +198,7 @@ class Scene:
         messages: list[str] = []
         tokens: set[str] = set()
         with open_exchange(node, loop, topics, settings={**settings, "access_control": {"enabled": False}}) as other:
-            speaker = Speaker(other, name, self.rates, next(self._boots))
+            speaker = Speaker(other, name, self.rates, next(self._boots), signer_of(settings))
             end_s = loop.time() + TRY_S
             for pattern in ("**", "*/ci/*", f"{PLATFORM}/**"):
                 other.subscribe(pattern, lambda envelope: messages.append(envelope.topic))
@@ -217,7 +243,7 @@ async def scene(folder: Path, stack: ExitStack) -> AsyncIterator[Scene]:
     )
     await asyncio.to_thread(onboard.await_line, lambda line: "components; log in" in line)
     with yard.open("alice") as network:
-        found = Scene(yard, onboard, Speaker(network, "alice", rates, 9), rates)
+        found = Scene(yard, onboard, Speaker(network, "alice", rates, 9, yard.membership("alice").signer()), rates)
         await found.show_that_it_obeys()
         yield found
     onboard.interrupt()
@@ -344,7 +370,7 @@ async def tap(at: Scene) -> tuple[float, int]:
     node = replace(carol.node(), connect=(f"tls/{await line.open()}",))
     loop = asyncio.get_running_loop()
     with open_exchange(node, loop, TopicTable.installed(), settings=carol.settings()) as network:
-        speaker = Speaker(network, "carol", at.rates, 8)
+        speaker = Speaker(network, "carol", at.rates, 8, carol.signer())
         await speaker.send_request(Control(verb=ControlVerb.TAKE_OVER))
         assert (await speaker.send_request(speaker.command())).outcome == "accepted"
     await line.close()
@@ -363,7 +389,7 @@ async def expire(at: Scene) -> list[Attempt]:
     dave = at.yard.membership("dave")
     found = []
     with open_exchange(dave.node(), loop, TopicTable.installed(), settings=dave.settings()) as network:
-        speaker = Speaker(network, "dave", at.rates, 7)
+        speaker = Speaker(network, "dave", at.rates, 7, dave.signer())
         messages: list[str] = []
         network.subscribe("*/ci/*", lambda envelope: messages.append(envelope.topic))
         for who, until_s in (("before", valid_s - 1.0), ("after", valid_s + 4.0)):

@@ -111,6 +111,10 @@ class ControlVerb(StrEnum):
     REFUSE = "refuse"
     TAKE_OVER = "take_over"
     """Take control without the holder's leave; recorded with its author."""
+    APPOINT = "appoint"
+    """A commander gives a member a role for some time."""
+    DISMISS = "dismiss"
+    """And takes it back."""
 
 
 class Control(RequestBody, frozen=True):
@@ -118,10 +122,14 @@ class Control(RequestBody, frozen=True):
 
     verb: ControlVerb
     station: str = ""
-    """With grant and refuse: the station whose request is answered."""
+    """With grant and refuse: the station whose request is answered; with appoint and dismiss: the member."""
     version: str = ""
     """Of the station's software; sent with a request for control."""
     protocol: str = ""
+    role: str = ""
+    """With appoint."""
+    for_s: float = 0.0
+    """With appoint: for how long, s."""
 
 
 class EmergencyVerb(StrEnum):
@@ -192,12 +200,17 @@ class Preflight(RequestBody, frozen=True):
 
 
 class Hello(RequestBody, frozen=True):
-    """Requests the full state: components' table, mission, control; it is published on the topics."""
+    """Requests the full state: components' table, mission, control; it is published on the topics.
+
+    The reply's result is the `MemberRights` of the station, where its network has rights.
+    """
 
     version: str = ""
     """Of the station's software."""
     protocol: str = ""
     """Hash of its protocol, see `gloc3.messages.software`."""
+    is_about_rights: bool = False
+    """The reply is all that is wanted."""
 
 
 class Watch(RequestBody, frozen=True):
@@ -312,6 +325,10 @@ class CiRequest(Message, frozen=True):
     until_s: float = 0.0
     """Latest time to carry it out, by the platform's clock; 0 where its sender has not learned that clock. What somebody
     holds back on the way is not carried out when it comes."""
+    member: str = ""
+    """Of the network: whose rights it has; set by the platform's end of the link, empty for a link that stands for none."""
+    objection: str = ""
+    """Why the platform's end of the link has it refused; set there."""
 
 
 class Outcome(StrEnum):
@@ -337,7 +354,7 @@ class CiReply(Message, frozen=True):
     text: str = ""
     """With `ReadMission`: the mission's text; with a failed check: the findings, one a line."""
     result: dict[str, Any] = {}
-    """With `CallFunction`: the function's reply; with `Preflight`: the `PreflightReport`; with a start that red checks
+    """With `CallFunction`: the function's reply; with `Hello`: what the station may do, `Rights.summary`; with `Preflight`: the `PreflightReport`; with a start that red checks
     refused: `may_settle`, whether each of them often passes by itself."""
 
 

@@ -159,3 +159,20 @@ class InternalState(Message, frozen=True):
     """Record of the data logger at the end of a cycle: selected items of the component's internal state."""
 
     items: dict[str, Any]
+
+
+class SignedMessage(Message, frozen=True):
+    """A station's message on a network, signed by its member, so that forwarding it changes nothing."""
+
+    data: bytes
+    """The message's envelope, encoded."""
+    certificate: bytes
+    """Of its member: X.509, DER."""
+    signature: bytes
+    """ECDSA with SHA-256, DER."""
+    until_s: float = 0.0
+    """Latest time to use it, by the platform's clock; 0 where its sender has not learned that clock."""
+    boot: int = 0
+    """Of the command interface server that it is for; 0 where its sender has not heard it."""
+    utc_s: float = 0.0
+    """When it was signed, by its sender's clock."""

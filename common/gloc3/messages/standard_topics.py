@@ -5,6 +5,7 @@ from typing import Final
 
 from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.messages.command_interface import CiReply, CiRequest, LogChunk
+from gloc3.messages.envelope import SignedMessage
 from gloc3.messages.hosts import ClockAnswer, ClockQuestion, HostNames, HostPresence, HostStatus, HostSummary
 from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.neighbours import Neighbours, SeparationState
@@ -102,8 +103,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "preflight": TopicRow(PreflightReport),
     # the command interface server, towards the stations
     "ci/request": TopicRow(CiRequest, service=TopicService.COMMAND),
-    "ci/request/*": TopicRow(CiRequest, is_logged=False, service=TopicService.COMMAND, most_hz=50.0),
-    "ci/ask/*": TopicRow(CiRequest, is_logged=False, service=TopicService.COMMAND, most_hz=50.0),
+    "ci/request/*": TopicRow(SignedMessage, is_logged=False, service=TopicService.COMMAND, most_hz=50.0),
+    "ci/ask/*": TopicRow(SignedMessage, is_logged=False, service=TopicService.COMMAND, most_hz=50.0),
     "ci/heard": TopicRow(StationHeard, is_logged=False),
     "ci/reply": TopicRow(CiReply, service=TopicService.COMMAND),
     "ci/summary": TopicRow(Summary, 2.0, downlink_every=1),
@@ -121,7 +122,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "log_chunk": TopicRow(LogChunk, is_logged=False, service=TopicService.BULK),
     # the stations, towards the command interface server, while somebody steers by hand
     "velocity_demand": TopicRow(VelocityDemand, service=TopicService.CONTROL),
-    "demand/*": TopicRow(VelocityDemand, is_logged=False, service=TopicService.CONTROL, most_hz=50.0),
+    "demand/*": TopicRow(SignedMessage, is_logged=False, service=TopicService.CONTROL, most_hz=50.0),
     # the hosts, towards everyone
     "hosts/*": TopicRow(HostStatus, 1.0, service=TopicService.REPORT),
     "host_presence": TopicRow(HostPresence),

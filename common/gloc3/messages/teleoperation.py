@@ -36,6 +36,8 @@ class VelocityDemand(Message, frozen=True):
     """Its sender's; set by the platform's end of the link that brought it, whatever was sent."""
     way: str = ""
     """How it came: set there too."""
+    member: str = ""
+    """Of the network: whose rights it has; set there too."""
 
 
 class TeleoperationState(Message, frozen=True):

@@ -1,7 +1,8 @@
 """The network's members and their permissions: certificates and roles (docs/network.md).
 
-`file` reads a member's network file, `stations` bridges its stations' requests, `access` derives who may what, `authority`
-issues and writes certificates.
+`file` reads a member's network file, `stations` bridges its stations' requests, `access` derives what each link permits,
+`authority` issues and writes certificates, `signatures` has members sign their requests, `rights` decides who may what with
+a vehicle by the roles in `rights_file`, `platform_clocks` follows the vehicles' clocks.
 """
 
-__all__ = ["access", "authority", "file", "stations"]
+__all__ = ["access", "authority", "file", "platform_clocks", "rights", "rights_file", "stations"]

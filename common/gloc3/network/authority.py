@@ -59,7 +59,7 @@ def issue(folder: Path, into: Path, member: str, hosts: Sequence[str], now: date
         InputError: the authority's key cannot be used.
     """
     authority = read_certificate(folder / AUTHORITY)
-    signer = _read_key(folder / AUTHORITY_KEY)
+    signer = read_key(folder / AUTHORITY_KEY)
     key = ec.generate_private_key(ec.SECP256R1())
     serial = x509.random_serial_number()
     number = f"{serial:0{NUMBER_DIGITS}x}"[-NUMBER_DIGITS:]
@@ -106,7 +106,7 @@ def findings(certificate: Path, key: Path, authority: Path, wanted: str, now: da
     found = []
     try:
         own, root = read_certificate(certificate), read_certificate(authority)
-        private = _read_key(key)
+        private = read_key(key)
     except InputError as error:
         return list(error.findings)
     try:
@@ -151,7 +151,12 @@ def write_secret(path: Path, data: bytes) -> None:
         file.write(data)
 
 
-def _read_key(path: Path) -> ec.EllipticCurvePrivateKey:
+def read_key(path: Path) -> ec.EllipticCurvePrivateKey:
+    """A private key that only its owner can read.
+
+    Raises:
+        InputError: there is none, or others can read it.
+    """
     try:
         mode = path.stat().st_mode
         data = path.read_bytes()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated
@@ -14,9 +14,12 @@ from cyclopts import App, Parameter
 from gloc3.cli.narration import narrate
 from gloc3.clock import utc_now
 from gloc3.errors import Refused
+from gloc3.messages.envelope import Severity
 from gloc3.network import register
 from gloc3.network.access import MemberRole, access_control, grants
 from gloc3.network.file import Membership, read_network
+from gloc3.network.rights import MEANINGS, Rights
+from gloc3.network.rights_file import Right, RightsFile
 
 app = App(
     name="gloc3 network",
@@ -33,6 +36,7 @@ app = App(
     - copy the folder yard/pelican.main to that computer, yard/alice to hers, and so on
     - `gloc3 onboard pelican.yaml --host main --network pelican.main/network.yaml`
     - `gloc3 network revoke yard bob`
+    - `gloc3 network rights yard`, after yard/rights.yaml was written: who may what with which vehicle
 
     Exit codes: 0 done; 2 wrong use, or a file with mistakes.""",
     help_format="markdown",
@@ -117,6 +121,36 @@ def revoke(folder: Path, member: str, /) -> int:
 
 
 @app.command
+def rights(folder: Path, /) -> int:
+    """Check FOLDER/rights.yaml, show what it permits, and copy it into the folders of the platforms.
+
+    Without this file, every operator may command every platform. With it, each station may what its roles permit:
+
+    - `groups: {coast: [pelican, heron]}`
+    - `rights: [{member: alice, role: operator, of: [coast]}, {member: carol, role: commander, of: [all]}]`
+    - `two_persons: [terminate, fence_off]`
+
+    A role may have `may:`, a list of capabilities, and `until:`, its last day or the time in UTC.
+
+    Args:
+        folder: The network.
+    """
+    folder = folder.expanduser()
+    file, warnings, changed = register.spread_rights(folder)
+    current = register.read_register(folder).current()
+    platforms = sorted({name.partition(".")[0] for name, one in current.items() if one.role is MemberRole.PLATFORM})
+    stations = [name for name, one in current.items() if one.role is not MemberRole.PLATFORM]
+    for warning in warnings:
+        narrate(str(warning), Severity.WARNING)
+    for platform in platforms:
+        sys.stdout.write("\n".join([platform, *_rights_lines(file, platform, stations)]) + "\n")
+    names = ", ".join(changed)
+    if names:
+        narrate(f"rights.yaml changed for {names}: copy it there, and send SIGHUP to the processes that use it")
+    return 2 if warnings else 0
+
+
+@app.command
 def check(file: Path, /) -> int:
     """Check a network file, its certificate and its key.
 
@@ -160,7 +194,24 @@ def _words(membership: Membership) -> list[str]:
             ("egress", "ask"): "is queried for",
         }
         lines += [f"  {texts[grant.flow, grant.speech]}: {', '.join(grant.keys)}" for grant in grants(own.own, other)]
+    if membership.rights is not None:
+        stations = [other.member for other in own.others if other.role is not MemberRole.PLATFORM]
+        lines += ["rights:", *_rights_lines(membership.rights, own.own.platform, stations)]
+    elif own.own.role is MemberRole.PLATFORM:
+        lines.append("rights: every operator may do everything; there is no rights.yaml")
     return [*lines, "child processes of this computer's user: everything; anybody else: nothing"]
+
+
+def _rights_lines(file: RightsFile, platform: str, stations: Sequence[str]) -> list[str]:
+    """What each station may with a platform, and what needs two persons."""
+    table = Rights(platform, utc_now().timestamp, file, stations)
+    lines = []
+    for station in stations:
+        held = ", ".join(map(str, table.held(station)))
+        may = [MEANINGS[right] for right in Right if table.may(station, right)]
+        lines.append(f"  {station}: {held}; looking{''.join(f', {text}' for text in may)}")
+    two = [MEANINGS[right] for right in file.two_persons]
+    return lines + ([f"  two persons: {', '.join(two)}"] if two else [])
 
 
 def _narrate(changed: Iterable[str]) -> None:

@@ -16,6 +16,9 @@ from gloc3.errors import Finding, InputError, nearest
 from gloc3.exchange.zenoh_session import QUIC, ZenohEndpoints
 from gloc3.network.access import Accepted, MemberRole, access_control, size_limits
 from gloc3.network.authority import findings as certificate_findings
+from gloc3.network.authority import read_certificate, read_key
+from gloc3.network.rights_file import RIGHTS_FILE, RightsFile, read_rights
+from gloc3.network.signatures import FileKey, RequestSigner, RequestVerifier
 
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
 # QUIC before an address: encrypted over UDP, for links that lose packets; without it TLS over TCP.
@@ -59,6 +62,8 @@ class Membership(NamedTuple):
 
     path: Path
     file: NetworkFile
+    rights: RightsFile | None = None
+    """Of the members for this platform; None without a file, and for stations, which the platforms tell."""
 
     def node(self, *sockets: str) -> ZenohEndpoints:
         """This member as a Zenoh node.
@@ -73,6 +78,21 @@ class Membership(NamedTuple):
             connect=tuple(map(_endpoint, file.connect)),
             accepts=tuple(other.member for other in file.others),
         )
+
+    @property
+    def commanding(self) -> list[str]:
+        """The members that may send commands at all."""
+        return [name for name, role in self.file.roles.items() if role is MemberRole.OPERATOR]
+
+    def signer(self) -> RequestSigner:
+        """Signs this member's requests."""
+        file, folder = self.file, self.path.parent
+        return RequestSigner(FileKey(read_key(folder / file.key)), read_certificate(folder / file.certificate))
+
+    def verifier(self) -> RequestVerifier:
+        """Verifies the requests of the members that are accepted."""
+        accepted = {entry.member: entry.common_name for entry in self.file.accepts}
+        return RequestVerifier(read_certificate(self.path.parent / self.file.authority), accepted)
 
     def settings(self) -> dict[str, Any]:
         """Zenoh's settings for encryption and access: mutual TLS by the network's own authority, rules by role."""
@@ -117,7 +137,10 @@ def read_network(path: Path, now: datetime) -> Membership:
     )
     if found:
         raise InputError(found)
-    return Membership(path.absolute(), file)
+    is_platform = file.own.role is MemberRole.PLATFORM
+    return Membership(
+        path.absolute(), file, read_rights(folder / RIGHTS_FILE, file.roles).file if is_platform else None
+    )
 
 
 def _findings(document: Document, file: NetworkFile) -> list[Finding]:

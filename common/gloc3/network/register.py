@@ -10,10 +10,11 @@ import msgspec
 from msgspec.structs import replace
 
 from gloc3.documents.document import dump, load
-from gloc3.errors import Refused, nearest
+from gloc3.errors import Finding, Refused, nearest
 from gloc3.network.access import Accepted, MemberRole, grants
 from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, issue, make_authority
 from gloc3.network.file import address_problem, host_of, member_problem
+from gloc3.network.rights_file import RIGHTS_FILE, RightsFile, read_rights
 from gloc3.store import replace_file
 
 REGISTER: Final = "members.yaml"
@@ -144,9 +145,35 @@ def _write(folder: Path, register: Register) -> list[str]:
     """Writes the register and all network files; returns the members whose files have changed."""
     text = f"# The members of the network {register.network}. `gloc3 network` writes this file; authority.key stays here.\n"
     _replace(folder / REGISTER, text + dump(msgspec.to_builtins(register)))
-    return [
+    changed = [
         name for name in register.current() if _replace(folder / name / NETWORK_FILE, _network_file(register, name))
     ]
+    return list(dict.fromkeys([*changed, *_copy_rights(folder, register)]))
+
+
+def spread_rights(folder: Path) -> tuple[RightsFile, list[Finding], list[str]]:
+    """Checks the network's `rights.yaml`, and copies it into the folders of the platforms' hosts.
+
+    Returns:
+        The rights, warnings, and the members whose copies have changed.
+
+    Raises:
+        Refused: there is no such file.
+        InputError: it has errors, or the register cannot be used.
+    """
+    register = read_register(folder)
+    found = read_rights(folder / RIGHTS_FILE, {name: one.role for name, one in register.current().items()})
+    if found.file is None:
+        raise Refused(f"{folder / RIGHTS_FILE} does not exist: without it, every operator may command every platform")
+    return found.file, found.warnings, _copy_rights(folder, register)
+
+
+def _copy_rights(folder: Path, register: Register) -> list[str]:
+    rights = folder / RIGHTS_FILE
+    platforms = [name for name, member in register.current().items() if member.role is MemberRole.PLATFORM]
+    if not rights.exists():
+        return []
+    return [name for name in platforms if _replace(folder / name / RIGHTS_FILE, rights.read_text())]
 
 
 def _network_file(register: Register, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Requests of stations on the network, on keys that only the sender may write, so that the key proves the sender.
+"""Requests of stations on the network, signed by their members, on keys that only the sender may write.
 
 A station sends commands on `PLATFORM/ci/request/STATION` and read-only requests on `PLATFORM/ci/ask/STATION`; inside a
 process both are `PLATFORM/ci/request`, as on every middleware.
@@ -7,20 +7,26 @@ process both are `PLATFORM/ci/request`, as on every middleware.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
 
+from gloc3.clock import Clock, utc_now
+from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange, Publisher, Unsubscribe
 from gloc3.exchange.tunnel.layout import TunnelRole as End
 from gloc3.exchange.tunnel.routes import route
 from gloc3.messages.command_interface import QUERIES, CiRequest, StationRole
-from gloc3.messages.envelope import Envelope
-from gloc3.messages.summaries import StationHeard
+from gloc3.messages.envelope import Envelope, SignedMessage
+from gloc3.messages.summaries import StationHeard, Summary
 from gloc3.messages.teleoperation import VelocityDemand
 from gloc3.messages.topics import TopicTable
+from gloc3.messages.wire import WireError
 from gloc3.network.access import MemberRole
+from gloc3.network.platform_clocks import PlatformClocks
+from gloc3.network.signatures import RequestSigner, RequestVerifier
 
 CONTACT_S: Final = 1.0
 """Period of contact reports to the platform for each station that is present."""
@@ -34,6 +40,10 @@ CHUNKS: Final = "log_chunk"
 """Pieces of logs, which no radio carries."""
 COMMANDS: Final = "request"
 QUESTIONS: Final = "ask"
+DEMAND_S: Final = 2.0
+"""So long a velocity demand may be on the way, s; what is later than the others of its session is dropped sooner."""
+MOST_AGE_S: Final = 60.0
+"""Older messages are refused where the platform's clock shows the right time, s."""
 DEMANDS: Final = "demand"
 """Velocity demands of manual control; on a level of their own, because they are not requests."""
 
@@ -56,6 +66,8 @@ def join_platforms(
     station: str,
     carries: Callable[[Envelope[Any]], bool] = lambda _: True,
     is_new: Callable[[Envelope[Any]], bool] = lambda _: True,
+    *,
+    signer: RequestSigner,
 ) -> Unsubscribe:
     """Joins a station to all platforms on the network: it sends requests and receives their downlink.
 
@@ -66,17 +78,29 @@ def join_platforms(
         station: the station's name, as its certificate has it.
         carries: whether a request is sent over this link.
         is_new: whether a message has not arrived over another link already.
+        signer: signs what the station sends.
     """
+    clocks, now_s, sent = PlatformClocks(), asyncio.get_running_loop().time, Counter[str]()
+
+    def sign(envelope: Envelope[Any], key: str, until_s: float) -> None:
+        boot = clocks.boot(key.partition("/")[0])
+        utc_s = utc_now().timestamp()
+        numbered = replace(envelope, topic=key, sequence=sent[key])
+        sent[key] += 1
+        network.publish(signer.sign(numbered, topics.types, until_s=until_s, boot=boot, utc_s=utc_s))
 
     def send(envelope: Envelope[CiRequest]) -> None:
         if carries(envelope):
-            network.publish(replace(envelope, topic=key_of(station, envelope)))
+            sign(envelope, key_of(station, envelope), envelope.payload.until_s)
 
     def demand(envelope: Envelope[VelocityDemand]) -> None:
         if carries(envelope):
-            network.publish(replace(envelope, topic=f"{envelope.topic.partition('/')[0]}/{DEMANDS}/{station}"))
+            platform = envelope.topic.partition("/")[0]
+            sign(envelope, f"{platform}/{DEMANDS}/{station}", clocks.until_s(platform, now_s(), DEMAND_S))
 
     def handle(envelope: Envelope[Any]) -> None:
+        if isinstance(envelope.payload, Summary):
+            clocks.receive(envelope, now_s())
         if is_new(envelope):
             inside.publish(envelope)
 
@@ -97,14 +121,33 @@ def join_platforms(
     return part
 
 
+class BridgeContext(NamedTuple):
+    """The platform's side of the bridge."""
+
+    platform: str
+    loop: asyncio.AbstractEventLoop
+    clock: Clock
+    topics: TopicTable
+
+
+class BridgeMembers(NamedTuple):
+    """The members of the network."""
+
+    roles: Mapping[str, MemberRole]
+    """Of each member; others are not accepted."""
+    verifier: RequestVerifier
+
+
 class StationBridge:
     """The platform's end: receives stations' requests, and forwards them if their sender is genuine.
 
+    A command has to name the command interface server that runs now and a time limit by its clock, so that one that was
+    held back on the way is not carried out later; the server itself carries none out twice.
+
     Args:
         network: the exchange that reaches the stations, and to which the command interface server is connected.
-        loop: the event loop, for time and timers.
-        platform: name of the platform.
-        roles: role of each station; others are not accepted.
+        context: the platform's name, its message types and clock.
+        members: the members of the network.
         boot: of this process.
         forged: called for the first, tenth, hundredth… request that does not match its sender, with the station.
     """
@@ -112,26 +155,30 @@ class StationBridge:
     def __init__(
         self,
         network: Exchange,
-        loop: asyncio.AbstractEventLoop,
-        platform: str,
-        roles: Mapping[str, MemberRole],
+        context: BridgeContext,
+        members: BridgeMembers,
         boot: int,
         forged: Callable[[str, str], None],
     ) -> None:
-        self.roles = roles
+        self.members = members
+        """Replaced when the network file is read again."""
         self.forgeries: Final[dict[str, int]] = {}
         """Number of each station's requests that did not match their sender."""
         self._network = network
         self._inside = network.here
-        self._loop = loop
-        self._platform = platform
+        self._context = context
+        self._loop, self._platform = context.loop, context.platform
         self._forged = forged
+        self._server_boot = 0
+        """Of the command interface server's present life."""
+        loop, platform = self._loop, self._platform
         self._publisher = Publisher(network, platform, "stations", boot)
         self._here: set[str] = set()
         self._undo = [
             *(network.subscribe(f"{platform}/ci/{kind}/*", self._receive) for kind in (COMMANDS, QUESTIONS)),
             network.subscribe(f"{platform}/{DEMANDS}/*", self._receive),
             network.watch(presence("*"), self._add_station),
+            network.here.subscribe(f"{platform}/ci/summary", self._receive_summary),
         ]
         self._timer = loop.call_later(CONTACT_S, self._tick)
 
@@ -141,23 +188,62 @@ class StationBridge:
         for end in self._undo:
             end()
 
+    def _receive_summary(self, envelope: Envelope[Summary]) -> None:
+        self._server_boot = envelope.source.boot
+
     def _receive(self, envelope: Envelope[Any]) -> None:
         _, *_, kind, station = envelope.topic.split("/")
-        request = envelope.payload
-        role = self.roles.get(station)
-        reason = _wrong(request, kind, station, role)
+        try:
+            found = self._opened(envelope, station)
+            reason = _wrong(found.payload, kind, station, self.members.roles.get(station))
+            stale = "" if kind == QUESTIONS else self._stale(envelope.payload)
+            if kind == DEMANDS:
+                reason = reason or stale
+        except (Refused, WireError) as error:
+            reason = str(error)
         if reason:
             number = self.forgeries[station] = self.forgeries.get(station, 0) + 1
             if number == 10 ** (len(str(number)) - 1):  # 1, 10, 100, …
                 self._forged(station, reason if number == 1 else f"{reason} ({number} so far)")
-        else:
-            request = replace(request, role=STATION_ROLES[role], way=RELAYED)
-            topic = "velocity_demand" if kind == DEMANDS else "ci/request"
-            self._inside.publish(replace(envelope, topic=f"{self._platform}/{topic}", payload=request))
+            return
+        role = STATION_ROLES[self.members.roles[station]]
+        request, topic = replace(found.payload, role=role, way=RELAYED, member=station), "velocity_demand"
+        if kind != DEMANDS:
+            request, topic = replace(request, objection=stale), "ci/request"
+        self._inside.publish(replace(found, topic=f"{self._platform}/{topic}", payload=request))
+
+    def _opened(self, envelope: Envelope[Any], station: str) -> Envelope[Any]:
+        """The message that a station has signed.
+
+        Raises:
+            Refused: it has not.
+            WireError: what it has signed is no message.
+        """
+        if station not in self.members.roles:
+            raise Refused(f"{station} is not a station of this network")
+        if not isinstance(envelope.payload, SignedMessage):
+            raise Refused(f"{type(envelope.payload).__name__} is not a signed message")
+        utc_s = self._context.clock.utc_s()
+        return self.members.verifier.open(envelope, station, self._context.topics.types, utc_s)
+
+    def _stale(self, signed: SignedMessage) -> str:
+        """Why a command is not for now; empty where it is."""
+        if signed.boot == 0 or signed.until_s <= 0.0:
+            return "it has no time limit, because the station has not heard the vehicle's clock yet; send it again"
+        if signed.boot != self._server_boot:
+            return "it is for an earlier start of the vehicle's command interface; send it again if it is still wanted"
+        left_s = signed.until_s - self._loop.time()
+        if left_s < 0.0:
+            return f"it came {-left_s:.1f} s after its time limit; send it again if it is still wanted"
+        clock = self._context.clock
+        off_s = clock.utc_s() - signed.utc_s
+        if clock.is_utc_right() and abs(off_s) > MOST_AGE_S:
+            return f"it was signed {off_s:.0f} s ago by the vehicle's clock, at most {MOST_AGE_S:.0f}: set the station's clock"
+        return ""
 
     def _add_station(self, token: str, is_here: bool) -> None:
         station = token.rpartition("/")[2]
-        if is_here and station in self.roles:
+        if is_here and station in self.members.roles:
             self._here.add(station)
             self._publish_contact(station)
         else:

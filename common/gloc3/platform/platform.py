@@ -120,6 +120,8 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     """Where the data of sensors comes from, by device: URLs such as `v4l2:///dev/video0`."""
     cameras: dict[Name, CameraModel | str] = {}
     """How each camera is calibrated: a model, or a file such as `front.yaml#cam0`, relative to this one."""
+    members: dict[Name, str] = {}
+    """Members of the network for whom the signing keys of MAVLink links stand: the key's file, relative to this one."""
     hosts: dict[Name, HostRow] = {}
     """Computers that the components run on; empty for a single one."""
     components: tuple[ComponentRow, ...] = ()

@@ -77,6 +77,7 @@ class NetworkRoute:
             membership.file.member,
             carries=partial(self._routes.carries, route),
             is_new=handle,
+            signer=membership.signer(),
         )
         self._stack.callback(part)
 

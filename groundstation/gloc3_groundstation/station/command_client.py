@@ -2,7 +2,7 @@
 
 import asyncio
 import re
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from msgspec.structs import replace
 
@@ -31,6 +31,7 @@ from gloc3.messages.command_interface import (
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.software import own_software
 from gloc3.messages.teleoperation import VelocityDemand
+from gloc3.network.platform_clocks import PlatformClocks
 
 PATIENCE_S: Final = 2.0
 """Longest wait for a reply before it is queried."""
@@ -40,9 +41,6 @@ TIMEOUT_S: Final = 16.0
 """Longer than the link's retries, so that nothing is executed after the operator was shown *unknown*."""
 EMERGENCY_TIMEOUT_S: Final = 6.0
 """The same for emergencies, which the link gives up sooner."""
-
-CLOCK_DRIFT: Final = 1e-3
-"""Two clocks drift apart by less than this share of the time."""
 
 NOT_DELIVERED: Final = "not delivered"
 _FINDING: Final = re.compile(r"(?P<file>.+?):(?P<line>\d+):(?P<column>\d+): (?P<warning>warning: )?(?P<message>.*)")
@@ -93,33 +91,6 @@ class _Pending:
         self.times_sent = 1
         self.given_up = ""
         """Why the link gave it up, where it may have arrived all the same."""
-
-
-class _ClockSample(NamedTuple):
-    boot: int
-    ahead_s: float
-    """The platform's clock minus ours, less the shortest latency of late."""
-    received_s: float
-
-
-class PlatformClocks:
-    """Each platform's clock, learned from the times in its summaries: behind by their latency, never ahead."""
-
-    def __init__(self) -> None:
-        self._samples: dict[str, _ClockSample] = {}
-
-    def receive(self, envelope: Envelope[Any], now_s: float) -> None:
-        """Handles a summary; with another boot of its source the clock may have started again."""
-        platform, boot, ahead_s = envelope.topic.partition("/")[0], envelope.source.boot, envelope.t_s - now_s
-        last = self._samples.get(platform)
-        if last is not None and last.boot == boot:
-            ahead_s = max(ahead_s, last.ahead_s - CLOCK_DRIFT * (now_s - last.received_s))
-        self._samples[platform] = _ClockSample(boot, ahead_s, now_s)
-
-    def until_s(self, platform: str, now_s: float, timeout_s: float) -> float:
-        """When a time from now on is over by the platform's clock; 0 while that is not known."""
-        sample = self._samples.get(platform)
-        return 0.0 if sample is None else max(now_s + sample.ahead_s + timeout_s, 0.0)
 
 
 class CommandClient:

@@ -24,6 +24,7 @@ from gloc3.messages.summaries import (
 )
 from gloc3.messages.teleoperation import TeleoperationState
 from gloc3.messages.vehicle import ObstacleScan
+from gloc3.network.rights import MemberRights
 from gloc3_groundstation.station.snapshots import (
     QUIET_LINK_S,
     Fleet,
@@ -159,6 +160,16 @@ def note(
 def with_platform(fleet: Fleet, platform: PlatformSnapshot) -> Fleet:
     """The fleet with a platform as it is now; a new one comes last."""
     return replace(fleet, platforms={**fleet.platforms, platform.name: platform})
+
+
+def with_rights(fleet: Fleet, name: str, rights: MemberRights) -> Fleet:
+    """The fleet with what this station may do with a platform."""
+    platform = fleet.get(name)
+    return (
+        fleet
+        if platform is None or platform.rights == rights
+        else with_platform(fleet, replace(platform, rights=rights))
+    )
 
 
 def without(fleet: Fleet, name: str) -> Fleet:

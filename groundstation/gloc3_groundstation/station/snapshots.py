@@ -25,6 +25,7 @@ from gloc3.messages.summaries import (
 )
 from gloc3.messages.teleoperation import TeleoperationState
 from gloc3.messages.vehicle import ObstacleScan
+from gloc3.network.rights import MemberRights
 from gloc3_groundstation.station.readings import Reading
 
 M = TypeVar("M", bound=Message)
@@ -267,6 +268,8 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     acoustic: Timed[AcousticSummary] | None = None
     """Its last acoustic summary."""
     control: Timed[ControlState] | None = None
+    rights: MemberRights = MemberRights()
+    """What this station may do with it."""
     summary: Timed[Summary] | None = None
     """The last part of the summary that came; the components' own lines are in `lines`."""
     table: ComponentTable | None = None

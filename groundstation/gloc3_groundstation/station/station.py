@@ -4,6 +4,8 @@ import asyncio
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, Final
 
+import msgspec
+
 from gloc3.clock import Clock
 from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.exchange.base import Exchange, Unsubscribe
@@ -13,6 +15,7 @@ from gloc3.messages.motion import MotionSummary
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import CiEvent, ContactSummary, MissionSummary
 from gloc3.messages.vehicle import ObstacleScan
+from gloc3.network.rights import MemberRights
 from gloc3.terrain import Terrain
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station import wording
@@ -22,6 +25,7 @@ from gloc3_groundstation.station.fleet_monitor import FleetMonitor
 from gloc3_groundstation.station.neighbours import NeighbourRelay
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
+RIGHTS_EVERY_S: Final = 10.0
 HELLO_EVERY_S: Final = 3.0
 NOTIFY_PERIOD_S: Final = 1.0
 NOTIFY_FOR_S: Final = 120.0
@@ -105,6 +109,10 @@ class Station:
         self._requested_s: dict[str, float] = {}
         self._untold: dict[str, DirectCommand] = {}
         """What was commanded to the autopilots of silent onboard processes."""
+        self.is_member = False
+        """Whether platforms have rights for this station: it is a member of a network; set by the assembly."""
+        self._rights_s: dict[str, float] = {}
+        """When each platform is asked for the rights again."""
         self._unsubscribes: list[Unsubscribe] = [
             exchange.subscribe(f"*/{topic}", self._receive) for topic in reducers.CONTACT_TOPICS
         ]
@@ -191,6 +199,20 @@ class Station:
         if platform is not None and platform.is_incomplete and now_s >= self._requested_s.get(name, 0.0):
             self._requested_s[name] = now_s + HELLO_EVERY_S
             self._start(self.client.request(name, Hello(**own_software()._asdict()), HELLO_EVERY_S))
+        if self.is_member and now_s >= self._rights_s.get(name, 0.0):
+            self._rights_s[name] = now_s + RIGHTS_EVERY_S
+            self._start(self._request_rights(name))
+
+    async def _request_rights(self, name: str) -> None:
+        """Requests what this station may do, and tells changes."""
+        reply = await self.client.request(name, Hello(is_about_rights=True), RIGHTS_EVERY_S)
+        platform = self.fleet.get(name)
+        if reply.outcome is not Outcome.ACCEPTED or platform is None:
+            return
+        rights = msgspec.convert(reply.result, MemberRights)
+        if rights.roles != platform.rights.roles:
+            self.note(name, Severity.NOTICE, f"this station is {wording.roles(rights)}")
+        self.change(lambda fleet, _: reducers.with_rights(fleet, name, rights))
 
     def _add_platform(self, name: str, contact: ContactSummary) -> None:
         """Shows the summary first, then the events since the last contact."""

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from gloc3.cli.counting import listed
 from gloc3.exchange.acoustic import action_of
 from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Severity
@@ -11,6 +12,7 @@ from gloc3.messages.vehicle import LandedState
 from gloc3.mission.checking.estimate import span
 from gloc3.mission.model.model import Policies, answer
 from gloc3.mission.model.policy import Policy, resolved
+from gloc3.network.rights import MemberRights
 from gloc3_groundstation.missions.outline import Outline
 from gloc3_groundstation.station.snapshots import ComponentSnapshot, Fleet, PlatformSnapshot
 
@@ -313,3 +315,8 @@ def _then(policy: Policy, policies: Policies) -> str:
             return "it then lands here"
         case _:
             return "it then goes on"
+
+
+def roles(rights: MemberRights) -> str:
+    """`operator (only land) until 2026-12-01 00:00 UTC`; without a rights file `operator with all rights`."""
+    return listed([str(held) for held in rights.roles], "and") if rights.roles else "free to do what its link permits"

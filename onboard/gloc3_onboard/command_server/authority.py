@@ -15,6 +15,8 @@ from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.software import Software
 from gloc3.messages.summaries import ControlState, EventReport, StationHeard
 from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
+from gloc3.network.rights import Rights
+from gloc3.network.rights_file import Right
 
 ANSWER_S: Final = 10.0
 """Time for the holder to answer a request, s; without an answer it is granted if the holder is lost, else refused."""
@@ -119,6 +121,8 @@ class ControlAuthority:
             case ControlVerb.TAKE_OVER:
                 was, self.holder, self.requested_by = self.holder, station, ""
                 return f"taken over from station {was}" if was and was != station else "taken"
+            case _:
+                raise Refused(f"{body.verb} is about roles, not about control")
 
     def _request(self, station: str, expires_after_s: float, now_s: float) -> str:
         if self.holder in ("", station):
@@ -148,11 +152,13 @@ class Authority:
     Args:
         kept_holder: holder of control when the previous process ended in flight; empty for none.
         report: sends an event to the stations.
+        rights: the members' rights.
     """
 
-    def __init__(self, kept_holder: str, report: EventReport) -> None:
+    def __init__(self, kept_holder: str, report: EventReport, rights: Rights) -> None:
         self.control: Final = ControlAuthority()
-        self.demands: Final = Demands(self.control, report)
+        self.rights: Final = rights
+        self.demands: Final = Demands(self.control, report, rights)
         self._kept_holder, self._report = kept_holder, report
         self._senders = Senders()
         self._software: dict[str, Software] = {}
@@ -168,6 +174,12 @@ class Authority:
 
     def receive(self, request: CiRequest, now_s: float) -> str:
         """Registers a request; returns the reason for a general refusal, empty if there is none."""
+        if request.objection:
+            return request.objection
+        try:
+            self.rights.check(request.member, request.body)
+        except Refused as refusal:
+            return str(refusal)
         if request.role is StationRole.OBSERVER and not isinstance(request.body, QUERIES):
             return f"station {request.sender} may look and not command: it is an observer"
         self.control.note_contact(request.sender, now_s)
@@ -179,6 +191,34 @@ class Authority:
         if doubled := self._senders.receive(request.sender, request.boot, now_s):
             self._report(Severity.WARNING, doubled)
         return ""
+
+    def second(self, request: CiRequest, right: Right | None = None) -> None:
+        """Admits a request for which one person is enough, and the second of two.
+
+        Raises:
+            Refused: it is the first of two.
+        """
+        if first := self.rights.second(request.member, request.body, right):
+            text = f"two persons have requested {type(request.body).__name__}: {first} and {request.member}"
+            self._report(Severity.NOTICE, text)
+
+    def handle(self, request: CiRequest, body: Control, expires_after_s: float, now_s: float) -> str:
+        """Handles a request about control or roles; returns the answer for the station.
+
+        Raises:
+            Refused: with the reason.
+        """
+        if body.verb not in (ControlVerb.APPOINT, ControlVerb.DISMISS):
+            return self.control.handle(request.sender, body, expires_after_s, now_s)
+        if body.verb is ControlVerb.APPOINT:
+            text = self.rights.appoint(request.member, body.station, body.role, body.for_s)
+        else:
+            text = self.rights.dismiss(body.station)
+        if self.control.holder == body.station and not self.rights.may(body.station, Right.CONTROL):
+            self.control.holder = ""
+            text += "; no station holds control"
+        self._report(Severity.NOTICE, f"{request.member}: {text}")
+        return text
 
     def software(self, now_s: float) -> dict[str, Software]:
         """The software of the stations that are there."""
@@ -233,10 +273,11 @@ class Demands:
     Args:
         authority: the holder of control.
         report: sends warnings to stations.
+        rights: the members' rights.
     """
 
-    def __init__(self, authority: ControlAuthority, report: EventReport) -> None:
-        self._authority, self._refuse_text = authority, report
+    def __init__(self, authority: ControlAuthority, report: EventReport, rights: Rights) -> None:
+        self._authority, self._refuse_text, self._rights = authority, report, rights
         self._sessions: OrderedDict[str, _Session] = OrderedDict()
         """Current session of each sender."""
         self._past: deque[tuple[str, int]] = deque(maxlen=MOST_PAST)
@@ -262,6 +303,7 @@ class Demands:
         demand = envelope.payload
         if demand.role is not StationRole.OPERATOR:
             raise Refused("it is an observer")
+        self._rights.require(demand.member, Right.FLY)
         self._authority.require(demand.sender)
         elapsed_s = now_s - envelope.t_s
         session = self._session_of(demand, elapsed_s)

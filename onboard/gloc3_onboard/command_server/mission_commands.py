@@ -34,9 +34,10 @@ from gloc3.mission.checking.checker import CheckReport, Circumstances, check_tex
 from gloc3.mission.executing import amending
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.model.abilities import abilities
-from gloc3.mission.model.model import digest_of
+from gloc3.mission.model.model import Mission, digest_of
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import read_mission
+from gloc3.network.rights_file import Right
 from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.journal import answer
 from gloc3_onboard.command_server.mission_host import MissionHost
@@ -119,6 +120,17 @@ class MissionCommands:
         """Origin of NED; None while it is not known."""
         return self._snapshot.origin
 
+    def _check_rights(self, request: CiRequest, mission: Mission) -> None:
+        """Refuses a mission with capabilities that the request's member may not use."""
+        used = sorted({one.ability for one in mission.actions().values()})
+        self._authority.rights.check_capabilities(request.member, used)
+
+    def _admit(self, request: CiRequest, mission: Mission) -> None:
+        """Refuses a mission that the request's member may not load, or not alone."""
+        self._check_rights(request, mission)
+        if mission.fence is None:
+            self._authority.second(request, Right.FENCE_OFF)
+
     # --- the loaded mission ---
 
     def load(self, request: CiRequest, body: LoadMission, now_s: float) -> CiReply | None:
@@ -134,7 +146,9 @@ class MissionCommands:
             if not report.is_ok:
                 count = sum(not finding.is_warning for finding in report.findings)
                 return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
-            executor.load(report.flyable(), at_s)
+            mission = report.flyable()
+            self._admit(request, mission)
+            executor.load(mission, at_s)
             if geofence_of(self._platform, executor).areas:
                 self._fence_wait = _FenceWait(request, findings, at_s + FENCE_S)
                 return None
@@ -158,6 +172,7 @@ class MissionCommands:
                 count = sum(not finding.is_warning for finding in report.findings)
                 return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
             whole = read_mission(body.text, body.name, circumstances.surroundings())
+            self._admit(request, whole)
             executor.amend(whole, at_s)
             return answer(request, text=findings)
 
@@ -176,6 +191,8 @@ class MissionCommands:
         if body.verb not in BEGINS:
             return self._steer(request, body, now_s)
         self._refuse_to_begin(body)
+        if (program := self.executor.mission) is not None:
+            self._check_rights(request, program.mission)
         return self._start(request, lambda at_s: self._steer(request, body, at_s), now_s)
 
     def _steer(self, request: CiRequest, body: Steer, now_s: float) -> CiReply:
@@ -220,6 +237,7 @@ class MissionCommands:
                 *_, nearest = (finding for finding in report.findings if not finding.is_warning)
                 return answer(request, Outcome.REFUSED, nearest.message, text=_lines(report.findings))
             mission, rows = report.flyable(), abilities(self._platform)
+            self._check_rights(request, mission)
 
             def begin(at_s: float) -> CiReply:
                 return answer(request, reason=executor.command(mission, at_s))

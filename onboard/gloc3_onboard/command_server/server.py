@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final, NamedTuple
 
+import msgspec
+
 from gloc3.component.component import CommandInterface
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup, Result
 from gloc3.errors import Gloc3Error, Refused
@@ -150,6 +152,8 @@ class RequestHandler:
             return self._contacts.read(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
             return self.components.forward_query(request, now_s)
+        if isinstance(request.body, Hello) and request.body.is_about_rights:
+            return self._greet(request)
         late = time_limit(request, now_s)
         if isinstance(request.body, Elsewhere):
             if request.body.vehicles:
@@ -211,6 +215,7 @@ class RequestHandler:
         body: AnyBody = request.body
         if not isinstance(body, OPEN_TO_ALL):
             self._authority.control.require(request.sender)
+        self._authority.second(request)
         executor = self.missions.executor
         match body:
             case LoadMission():
@@ -233,11 +238,15 @@ class RequestHandler:
                 return None
             case Control():
                 after_s = executor.board.policies.link_loss_after_s
-                return answer(request, reason=self._authority.control.handle(request.sender, body, after_s, now_s))
+                return answer(request, reason=self._authority.handle(request, body, after_s, now_s))
             case Hello():
                 self.wants_everything = True
-                return answer(request)
+                return self._greet(request)
         raise Refused("queries are answered elsewhere")
+
+    def _greet(self, request: CiRequest) -> CiReply:
+        rights = self._authority.rights
+        return answer(request, result={} if rights.is_open else msgspec.to_builtins(rights.summary(request.member)))
 
     # --- answers that come later ---
 
@@ -298,7 +307,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         report = self._events.report
         contacts = Contacts(site.reports)
         self._observing = Observing(site.platform, home, self._events.report_supervision, site.process)
-        self._authority = Authority(site.holder if was_running(snapshot) else "", report)
+        self._authority = Authority(site.holder if was_running(snapshot) else "", report, site.rights)
         self._mission = MissionHost(site, self._observing, self._authority.control, self.settings, report)
         commands = MissionCommands(site, self._observing, self._authority, self._mission, report)
         components = ComponentRequests(self._observing, report)

@@ -9,6 +9,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.component.workers import ImmediateExecutor
 from gloc3.errors import UNREADABLE
 from gloc3.mission.executing.snapshot import Snapshot
+from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
 from gloc3.store import Records, RecordStore
 from gloc3.terrain import Terrain
@@ -95,6 +96,8 @@ class Site:
         self._home: KeptHome | None = None
         self.holder = ""
         """The station that held control when this was last kept."""
+        self.rights = Rights(platform.platform, lambda: 0.0)
+        """Of the members of the network; everyone's, unless the assembly replaces them."""
 
     def load(self) -> tuple[Snapshot | None, KeptHome | None]:
         """What the process before has left."""

@@ -80,6 +80,8 @@ class StationLinkSettings(NamedTuple):
     """Role of all stations on the link."""
     name: str = ""
     """What the link is called in the record of commands."""
+    member: str = ""
+    """Member of the network whose rights all stations on the link have."""
 
 
 class StationLink:
@@ -108,7 +110,7 @@ class StationLink:
         signing, budget, name = settings.signing, settings.budget, settings.name
         self._loop = loop
         self._role, self._route = settings.role, f"{name}, signed" if signing is not None else name
-        self._signing = signing
+        self._signing, self._member = signing, settings.member
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Accepts or rejects received frames; None without a key."""
         self._clock = Clock(loop)
@@ -163,7 +165,7 @@ class StationLink:
         """A request marked with its link and its sender's permissions."""
         if not isinstance(envelope.payload, CiRequest | VelocityDemand):
             return envelope
-        request = replace(envelope.payload, role=self._role, way=self._route)
+        request = replace(envelope.payload, role=self._role, way=self._route, member=self._member)
         return replace(envelope, payload=request)
 
     def _leaves(self, envelope: Envelope[Any]) -> bool:

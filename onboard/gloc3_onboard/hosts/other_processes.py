@@ -8,7 +8,7 @@ from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import SensorCondition
 from gloc3.network.file import Membership
-from gloc3.network.stations import StationBridge
+from gloc3.network.stations import BridgeContext, BridgeMembers, StationBridge
 from gloc3.platform.places import clock_host, host_names
 from gloc3_onboard.assembly import VehicleSide
 from gloc3_onboard.autopilot.link_reports import LinkReports
@@ -63,9 +63,8 @@ class OtherProcesses:
         self._bridge: StationBridge | None = None
         if member is not None:
             self._events = LinkReports(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
-            self._bridge = StationBridge(
-                exchange, context.loop, context.platform, member.file.roles, boots.getrandbits(32), self._forged
-            )
+            bridged = BridgeContext(context.platform, context.loop, context.clock, context.topics)
+            self._bridge = StationBridge(exchange, bridged, _members(member), boots.getrandbits(32), self._forged)
             parts.add("network events", self._events)
             parts.add("station bridge", self._bridge, self._bridge.close)
         clock_server = ClockServer(exchange, context.platform, context.loop)
@@ -120,7 +119,9 @@ class OtherProcesses:
         except Gloc3Error as error:
             report(Severity.ERROR, f"{error}: other hosts are not reachable")
             return
-        self._bridge.roles = member.file.roles
+        self._bridge.members = _members(member)
+        if inputs.rights is not None:
+            inputs.rights.adopt(member.rights, member.commanding)
         report(Severity.NOTICE, f"{network} is reloaded: {counted(len(member.file.others), 'other member')}")
 
     def _forged(self, station: str, reason: str) -> None:
@@ -141,3 +142,7 @@ class OtherProcesses:
             log_limits=options.log_limits,
             lives=lives,
         )
+
+
+def _members(member: Membership) -> BridgeMembers:
+    return BridgeMembers(member.file.roles, member.verifier())

@@ -18,6 +18,7 @@ from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import SensorCondition
 from gloc3.network.file import Membership, read_network
+from gloc3.network.rights import Rights
 from gloc3.platform.places import ProcessPlace, choose_host, clock_host, rows_at
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
@@ -116,6 +117,12 @@ class OnboardProcess:
             platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random, memory=self._memory
         )
         self._storage = storage = ProcessStorage(options, platform, place, context, self.narrate)
+        self._rights = Rights(
+            platform.platform,
+            context.clock.utc_s,
+            None if member is None else member.rights,
+            [] if member is None else member.commanding,
+        )
         inputs = self._inputs(context)
         self.vehicle: Final = VehicleSide(inputs, options.autopilot)
         """Its parts."""
@@ -143,6 +150,8 @@ class OnboardProcess:
             keep=storage.record_frame,
             vitals=VitalSigns(storage.logs).sample,
             sign=storage.sign,
+            rights=self._rights,
+            member_of=storage.member_of,
             system_id=options.system_id,
             accepts_plans=options.accepts_plans,
             terrain=open_terrain(options.terrain),

@@ -19,7 +19,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.platform.places import ProcessPlace
 from gloc3.platform.platform import Platform
-from gloc3.platform.reader import whole_text
+from gloc3.platform.reader import find_platform, whole_text
 from gloc3.store import RecordFile, RecordStore
 from gloc3_onboard.command_server.log_shelf import LogStore
 from gloc3_onboard.companion.files import shared_files
@@ -138,8 +138,21 @@ class ProcessStorage:
 
     def sign(self, url: str, number: int) -> Signing | None:
         """What signs the link of this number, where there is a key; that of the command line is for links to stations."""
-        key = key_of(url) or (self._options.signing_key if number else None)
+        key = self._key(url, number)
         return None if key is None else self._signing.signing(key, number & 0xFF)
+
+    def member_of(self, url: str, number: int) -> str:
+        """The member of the network for whom the key of a link stands; empty for none.
+
+        Raises:
+            InputError: a member's key cannot be read.
+        """
+        key, folder = self._key(url, number), find_platform(self._options.platform).parent
+        keys = {read_signing_key(folder / file): member for member, file in self._platform.members.items()}
+        return "" if key is None else keys.get(key, "")
+
+    def _key(self, url: str, number: int) -> bytes | None:
+        return key_of(url) or (self._options.signing_key if number else None)
 
     def files(self, metadata: Mapping[str, bytes]) -> Files:
         """What is shared with stations of others: missions, logs and metadata.

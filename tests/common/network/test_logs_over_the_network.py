@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from tests.common.network.yard import MEMBERS, Yard, free_port
+from tests.common.network.yard import Yard, free_port
 from tests.groundstation.scripted_platform import VEHICLE
 from tests.onboard.hosts.relay import Connections
 
@@ -18,7 +18,7 @@ from gloc3.exchange.zenoh import ZenohExchange
 from gloc3.messages.command_interface import AboutLogs, CiRequest, LogChunk
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.topics import TopicTable
-from gloc3.network.stations import StationBridge, join_platforms
+from gloc3.network.stations import join_platforms
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.station import snapshots
 from gloc3_groundstation.station.station import Station
@@ -33,15 +33,12 @@ SIZE = 4_000_003
 class Vessel:
     """A platform's shelf of logs on the network, for whoever asks."""
 
-    def __init__(self, network: ZenohExchange, folder: Path, workers: ThreadPoolExecutor) -> None:
+    def __init__(self, yard: Yard, network: ZenohExchange, folder: Path, workers: ThreadPoolExecutor) -> None:
         self._loop = asyncio.get_running_loop()
         self.chunks = 0
         self._log_store = LogStore(folder, set, lambda: None, workers)
         self._publisher = Publisher(network, "pelican", "command_server", 1)
-        roles = dict(MEMBERS)
-        self._bridge = StationBridge(
-            network, self._loop, "pelican", roles, 2, lambda *reported: pytest.fail(str(reported))
-        )
+        self._bridge = yard.bridge(network, lambda *reported: pytest.fail(str(reported)))
         self._undo = network.subscribe("pelican/ci/request", self._take)
         self._due_s = 0.0
         self._tick()
@@ -97,8 +94,8 @@ async def test_a_log_comes_over_a_session_that_breaks_off_five_times(
     with ThreadPoolExecutor(2) as workers:
         async with relayed(yard, "alice") as relay:
             with yard.open("pelican.main") as main, yard.open("alice") as network:
-                vessel, exchange = Vessel(main, there, workers), LocalExchange(topics)
-                part = join_platforms(network, exchange, topics, "alice")
+                vessel, exchange = Vessel(yard, main, there, workers), LocalExchange(topics)
+                part = join_platforms(network, exchange, topics, "alice", signer=yard.membership("alice").signer())
                 station = Station(exchange, loop, "alice", 9)
                 breaks = [SIZE * number // 6 for number in range(1, 6)]
 

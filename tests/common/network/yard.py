@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from gloc3.clock import Clock
+from gloc3.exchange.base import Exchange
 from gloc3.exchange.zenoh import ZenohExchange, open_exchange
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.network.access import MemberRole
 from gloc3.network.file import Membership, read_network
+from gloc3.network.stations import BridgeContext, BridgeMembers, StationBridge
 
 NOW = datetime.now(UTC)
 LONG = timedelta(days=30)
@@ -31,6 +34,11 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def members_of(membership: Membership) -> BridgeMembers:
+    """The members as the bridge has them."""
+    return BridgeMembers(membership.file.roles, membership.verifier())
 
 
 class Yard:
@@ -52,6 +60,12 @@ class Yard:
     def membership(self, name: str, now: datetime = NOW) -> Membership:
         """A member's network file."""
         return read_network(self.folder / name / "network.yaml", now)
+
+    def bridge(self, exchange: Exchange, forged: Callable[[str, str], None]) -> StationBridge:
+        """The platform's end of its stations."""
+        loop, membership = asyncio.get_running_loop(), self.membership("pelican.main")
+        context = BridgeContext("pelican", loop, Clock(loop), TopicTable.installed())
+        return StationBridge(exchange, context, members_of(membership), 2, forged)
 
     @contextmanager
     def open(self, name: str, membership: Membership | None = None, **entries: Any) -> Iterator[ZenohExchange]:

@@ -7,6 +7,7 @@ from tests.onboard.messages import at
 from gloc3.messages.command_interface import Control, ControlVerb, StationRole
 from gloc3.messages.envelope import Severity
 from gloc3.messages.teleoperation import EXPIRES_S, VelocityDemand
+from gloc3.network.rights import Rights
 from gloc3_onboard.command_server.authority import DEMANDS_AGAIN_S as AGAIN_S
 from gloc3_onboard.command_server.authority import ControlAuthority, Demands
 
@@ -18,7 +19,7 @@ class Desk:
         self.reported: list[str] = []
         authority = ControlAuthority()
         authority.handle("255", Control(verb=ControlVerb.REQUEST), 5.0, 0.0)
-        self.demands = Demands(authority, self._report)
+        self.demands = Demands(authority, self._report, Rights("pelican", lambda: 0.0))
 
     def _report(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
         assert severity is Severity.WARNING

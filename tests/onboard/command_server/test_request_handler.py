@@ -48,6 +48,7 @@ from gloc3.messages.vehicle import AutopilotState, LandedState, Pose
 from gloc3.messages.watch import Want
 from gloc3.mission.checking.checker import CheckReport, check_text
 from gloc3.mission.executing.executor import MissionExecutor
+from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
 from gloc3.store import MemoryRecords
@@ -104,7 +105,8 @@ class Desk:
         self.book = observing.book
         for row in self.platform.components:
             self.book.receive(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
-        authority = Authority("", self.report)
+        self.rights = Rights("pelican", lambda: 0.0)
+        authority = Authority("", self.report, self.rights)
         self.authority = authority.control
         site = Site(
             self.platform, self.journal, MemoryRecords(), MemoryRecords(), background=Background(worker=self.worker)

@@ -64,7 +64,7 @@ class Ends:
             self.here,
             TOPICS,
             7,
-            StationLinkSettings(signing=platform_signing, role=role, name="udpin://:14551"),
+            StationLinkSettings(signing=platform_signing, role=role, name="udpin://:14551", member="alice"),
         )
         self.routed = RoutedLink(
             "udpin://:14551",
@@ -135,11 +135,12 @@ def test_a_request_says_how_it_came_and_what_its_sender_may_do_whatever_was_sent
     async def play() -> None:
         ends = Ends(key, key, role)
         await asyncio.sleep(5.0)
-        forged = CiRequest(sender="255", boot=8, sequence=0, body=Hello(), way="the front door")
+        forged = CiRequest(sender="255", boot=8, sequence=0, body=Hello(), way="the front door", member="carol")
         Publisher(ends.there, "station", "client", 8).publish("heron/ci/request", forged, ends.loop.time())
         await asyncio.sleep(2.0)
         came = ends.requests[0].payload
         assert (came.role, came.way) == (role, "udpin://:14551, signed" if key else "udpin://:14551")
+        assert came.member == "alice"
         ends.close()
 
     run_virtual(play())

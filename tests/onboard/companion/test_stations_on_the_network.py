@@ -12,6 +12,7 @@ from tests.commands.programs import Program, program
 from gloc3.log.commands import list_commands
 from gloc3.log.reader import LogReader
 from gloc3.messages.topics import TopicTable
+from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
 pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
@@ -35,13 +36,13 @@ def yard(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def vehicle(folder: Path, *words: str) -> Iterator[Program]:
+def vehicle(folder: Path, *words: str, platform: str = "pelican_rtk") -> Iterator[Program]:
     """A simulated vehicle and its onboard process, on the network."""
     (cable,) = free_ports(1, socket.SOCK_DGRAM)
     with (
         program("sitl", "--link", f"companion=udpout://127.0.0.1:{cable}", folder=folder),
         program(
-            *("onboard", "pelican_rtk", "--autopilot", f"udpin://127.0.0.1:{cable}", "--out", "out"),
+            *("onboard", platform, "--autopilot", f"udpin://127.0.0.1:{cable}", "--out", "out"),
             *("--network", "yard/pelican.main/network.yaml", *words),
             folder=folder,
         ) as onboard,
@@ -85,3 +86,28 @@ def test_a_revoked_member_is_shut_out_while_it_runs_and_its_mission_goes_on_by_r
         with station(yard, "alice", "--mission", "hop", "--wait", "6") as again:
             assert again.end() == 5, again.text
         assert "pelican did not respond" in again.text or "a platform did not respond" in again.text, again.text
+
+
+def test_a_radios_key_has_the_rights_of_its_member_and_every_refusal_names_who_may(yard: Path) -> None:
+    made(yard, "network", "add", "yard", "carol", "--role", "operator")
+    rights = "rights: [{member: alice, role: operator, of: [pelican], may: [land]}, {member: carol, role: commander, of: [all]}]"
+    (yard / "yard" / "rights.yaml").write_text(rights)
+    made(yard, "network", "rights", "yard")
+    for name in ("carol", "nobody"):
+        made(yard, "signing", "new", f"{name}.key")
+    (yard / "pelican.yaml").write_text(f"{whole_text('pelican_rtk')}\nmembers: {{carol: carol.key}}\n")
+    ports = free_ports(2, socket.SOCK_DGRAM)
+    radios = {name: f"127.0.0.1:{port}" for name, port in zip(("carol", "nobody"), ports, strict=True)}
+    links = [text for name, at in radios.items() for text in ("--station", f"udpin://{at}?key={name}.key")]
+    with vehicle(yard, *links, platform="pelican.yaml") as onboard:
+        assert "its key stands for no member, so its stations may only look" in onboard.text
+        with station(yard, "alice", "--mission", "hop") as alice:
+            assert alice.end() == 4, alice.text
+        assert "this station is operator (only land)" in alice.text
+        assert "alice may not use" in alice.text
+        for name, code in (("nobody", 4), ("carol", 0)):
+            radio = ("--link", f"udpout://{radios[name]}", "--signing-key", f"{name}.key")
+            with program("station", "--headless", *radio, "--mission", "hop", "--take-over", folder=yard) as there:
+                assert there.end() == code, there.text
+            if code:
+                assert "needs the role commander of pelican, and this link stands for no member" in there.text

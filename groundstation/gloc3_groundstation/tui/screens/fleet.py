@@ -98,7 +98,9 @@ class FleetScreen(StationScreen):
             self._seen = view.platform.name
             vehicles.point_at(self._seen)
         possible = self.desk.fleet.control_verbs(view.platform) if view.platform is not None else frozenset()
-        control.show(control_lines(view, possible), fleet_title(view, marked))
+        lines = control_lines(view, possible)
+        control.styles.height = max(len(lines), 2) + 1
+        control.show(lines, fleet_title(view, marked))
         known = self.desk.fleet.links()
         self.panel("links_header").show([link_header(links.width)])
         none = [Row((Span(" There is no link; n opens one.", Tone.DIM),))]

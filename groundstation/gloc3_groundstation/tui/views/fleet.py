@@ -6,6 +6,8 @@ from typing import Final
 from gloc3.cli.counting import counted
 from gloc3.cli.port_advice import port_advice
 from gloc3.messages.command_interface import ControlVerb
+from gloc3.network.rights import MEANINGS, MemberRights
+from gloc3.network.rights_file import Right
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
@@ -94,7 +96,19 @@ def control_lines(view: StationView, possible: Container[ControlVerb]) -> list[L
         if verb in possible
     ]
     hints = [part for key, label in keys for part in (Span(f"   {key}", Tone.KEY), Span(f" {label}", Tone.DIM))]
-    return [tuple(spans), tuple(hints)]
+    return [tuple(spans), tuple(hints), *_rights_lines(platform.rights)]
+
+
+def _rights_lines(rights: MemberRights) -> list[Line]:
+    """What this station may do, and why not more; nothing where there are no rights."""
+    if not rights.roles:
+        return []
+    two = [MEANINGS[Right(name)] for name in rights.two_persons]
+    second = f"; two persons: {', '.join(two)}" if two else ""
+    return [
+        (Span(f" This station is {wording.roles(rights)}{second}", Tone.TEXT),),
+        *((Span(f" {refusal}", Tone.DIM),) for refusal in rights.refusals.values()),
+    ]
 
 
 def link_header(width: int) -> Line:

@@ -14,6 +14,8 @@ from gloc3.messages.summaries import (
     Summary,
     TableRow,
 )
+from gloc3.network.rights import HeldRole, MemberRights
+from gloc3.network.rights_file import Role
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station import fleet as reducers
@@ -23,6 +25,7 @@ from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chrome import Key, Tab, alert_line, keys_line, tabs_line, title_line
 from gloc3_groundstation.tui.views.components import component_lines, component_rows, components_title
 from gloc3_groundstation.tui.views.events import event_lines
+from gloc3_groundstation.tui.views.fleet import control_lines
 from gloc3_groundstation.tui.views.mission.lines import mission_lines, mission_title
 from gloc3_groundstation.tui.views.overview import alert_lines, detail_lines, detail_title, vehicle_header, vehicle_line
 from gloc3_groundstation.tui.widgets.lines import Line, Tone, bar, text_of, wrapped
@@ -337,3 +340,14 @@ def test_a_triggered_component_is_not_called_slow_while_its_input_rests() -> Non
     slow = replace(reported, lines={**reported.lines, 8: (ComponentLine(8, 0, 50, 3, 0, 0), 100.0)})
     (name, line) = component_rows(slow, 100.0, 100)[8]
     assert [span.tone for span in line if "Hz" in span.text] == [Tone.WARN], name
+
+
+def test_what_this_station_may_and_why_not_more_stands_below_control() -> None:
+    role = HeldRole(Role.OPERATOR, None, ("take_off", "land"))
+    rights = MemberRights([role], {"overrule": "overruling needs the role commander of heron"}, ["terminate"])
+    without = texts(control_lines(view(PLATFORM), frozenset()))
+    assert texts(control_lines(view(replace(PLATFORM, rights=rights)), frozenset())) == [
+        *without,
+        " This station is operator (only take_off and land); two persons: disarming in flight",
+        " overruling needs the role commander of heron",
+    ]

@@ -1,0 +1,292 @@
+"""Rights of members, by vehicle, group and capability: roles as a table, and the decision about each request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from hashlib import blake2s
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from gloc3.cli.counting import listed
+from gloc3.clock import utc_text
+from gloc3.errors import Refused, nearest
+from gloc3.messages.command_interface import (
+    QUERIES,
+    AnyBody,
+    CallFunction,
+    CommandComponent,
+    ConfirmLog,
+    Control,
+    ControlVerb,
+    CutLog,
+    Emergency,
+    EmergencyVerb,
+    RequestAction,
+    RequestTask,
+    Steer,
+)
+from gloc3.network.rights_file import ALL, Right, RightsFile, Role
+
+ROLES: Final[Mapping[Role, frozenset[Right]]] = {
+    Role.OBSERVER: frozenset(),
+    Role.OPERATOR: frozenset({Right.CONTROL, Right.FLY, Right.TERMINATE, Right.LOGS, Right.FENCE_OFF}),
+    Role.COMMANDER: frozenset(set(Right) - {Right.MAINTAIN}),
+    Role.MAINTAINER: frozenset({Right.CONTROL, Right.MAINTAIN, Right.LOGS}),
+}
+"""What each role may do, besides looking."""
+MEANINGS: Final[Mapping[Right, str]] = {
+    Right.CONTROL: "holding control",
+    Right.FLY: "flying and steering",
+    Right.LOGS: "ending and deleting logs",
+    Right.OVERRULE: "overruling (take-over, force, red checks)",
+    Right.APPOINT: "giving and taking back roles",
+    Right.MAINTAIN: "changing parameters and settings",
+    Right.TERMINATE: "disarming in flight",
+    Right.FENCE_OFF: "a mission without a geofence",
+}
+"""In words, as the subject of a refusal."""
+GIVEN: Final = (Role.OPERATOR, Role.MAINTAINER, Role.OBSERVER)
+"""Roles that a commander may give for some time; observer takes all others away meanwhile."""
+LONGEST_S: Final = 86_400.0
+"""So long a role may be given, s."""
+MOST_GIVEN: Final = 64
+SECOND_S: Final = 30.0
+"""So long the first of two persons waits for the second, s."""
+IDENTITIES: Final = ("author", "override", "version", "protocol")
+"""Fields in which the requests of two persons may differ."""
+
+
+def right_for(body: AnyBody) -> Right | None:
+    """What a request needs; None for one that only reads."""
+    match body:
+        case Emergency(verb=EmergencyVerb.DISARM):
+            return Right.TERMINATE
+        case Control(verb=ControlVerb.TAKE_OVER):
+            return Right.OVERRULE
+        case Control(verb=ControlVerb.APPOINT | ControlVerb.DISMISS):
+            return Right.APPOINT
+        case Control():
+            return Right.CONTROL
+        case CallFunction():
+            return Right.MAINTAIN
+        case CommandComponent():
+            return Right.OVERRULE if body.is_forced else Right.FLY if body.settings is None else Right.MAINTAIN
+        case Steer() | RequestTask() | RequestAction():
+            return Right.OVERRULE if body.override else Right.FLY
+        case CutLog() | ConfirmLog():
+            return Right.LOGS
+    return None if isinstance(body, QUERIES) else Right.FLY
+
+
+class HeldRole(NamedTuple):
+    """A role of a member for a platform."""
+
+    role: Role
+    until_s: float | None = None
+    """UTC; None for no end."""
+    may: tuple[str, ...] = ()
+    """Capabilities that it is limited to; empty for all."""
+    by: str = ""
+    """Commander that has given it; empty for the file."""
+
+    def __str__(self) -> str:
+        only = f" (only {listed(self.may, 'and')})" if self.may else ""
+        end = f" until {utc_text(self.until_s)} UTC" if self.until_s is not None else ""
+        return f"{self.role}{only}{end}{f' by {self.by}' if self.by else ''}"
+
+
+class MemberRights(msgspec.Struct, frozen=True):
+    """What a member may do with a platform."""
+
+    roles: list[HeldRole] = []
+    """Empty where there is no rights file: what the link permits."""
+    refusals: dict[str, str] = {}
+    """By right: why not."""
+    two_persons: list[str] = []
+    """Rights that need a second person."""
+
+
+class _First(NamedTuple):
+    member: str
+    until_s: float
+
+
+class Rights:
+    """Who may do what with a platform; without a file everyone may do what the link permits.
+
+    Args:
+        platform: the platform's name.
+        utc_s: returns UTC, s.
+        file: the rights; None for none.
+        members: the members of the network that may send commands at all.
+    """
+
+    def __init__(
+        self, platform: str, utc_s: Callable[[], float], file: RightsFile | None = None, members: Iterable[str] = ()
+    ) -> None:
+        self._platform, self._utc_s = platform, utc_s
+        self._given: dict[str, HeldRole] = {}
+        self._firsts: dict[tuple[Right, bytes], _First] = {}
+        self.adopt(file, members)
+
+    def adopt(self, file: RightsFile | None, members: Iterable[str] = ()) -> None:
+        """Replaces the file; roles that a commander has given remain."""
+        self._file, self._members = file, tuple(members)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is no file."""
+        return self._file is None
+
+    # --- roles ---
+
+    def held(self, member: str) -> list[HeldRole]:
+        """The roles that a member has now for the platform; observer alone where it has none."""
+        given = self._given.get(member)
+        if given is not None and given.until_s is not None and given.until_s <= self._utc_s():
+            del self._given[member]
+            given = None
+        if given is not None and given.role is Role.OBSERVER:
+            return [given]
+        found = [] if given is None else [given]
+        for entry in self._file.rights if self._file is not None else ():
+            until_s = entry.until_s
+            if entry.member == member and self._concerns(entry.of) and (until_s is None or until_s > self._utc_s()):
+                found.append(HeldRole(entry.role, until_s, tuple(entry.may)))
+        return found or [HeldRole(Role.OBSERVER)]
+
+    def may(self, member: str, right: Right) -> bool:
+        """Whether a member has a right now."""
+        return self.is_open or any(right in ROLES[held.role] for held in self.held(member))
+
+    def check(self, member: str, body: AnyBody) -> None:
+        """Checks a request.
+
+        Args:
+            member: whose rights it has; empty for a link that stands for no member.
+            body: the request.
+
+        Raises:
+            Refused: the member has no right to it; names the role that has.
+        """
+        right = right_for(body)
+        if right is None:
+            return
+        self.require(member, right)
+        if isinstance(body, RequestAction):
+            self.check_capabilities(member, [body.capability])
+
+    def require(self, member: str, right: Right) -> None:
+        """Checks a right.
+
+        Raises:
+            Refused: the member does not have it.
+        """
+        if self.may(member, right):
+            return
+        roles = [role for role in Role if right in ROLES[role]]
+        needed = f"{MEANINGS[right]} needs the role {listed(roles, 'or')} of {self._platform}"
+        if not member:
+            raise Refused(
+                f"{needed}, and this link stands for no member; name one for its key (members: in the platform file)"
+            )
+        own = self.held(member)
+        holders = sorted({entry.member for entry in self._named() if right in ROLES[entry.role]} - {member})
+        whose = f"; {listed(holders, 'and')} {'has' if len(holders) == 1 else 'have'} it" if holders else ""
+        raise Refused(f"{needed}: {member} is {listed([str(one) for one in own], 'and')}{whose}")
+
+    def check_capabilities(self, member: str, capabilities: Iterable[str]) -> None:
+        """Checks the capabilities of actions.
+
+        Raises:
+            Refused: the member is limited to others.
+        """
+        flying = [held for held in self.held(member) if Right.FLY in ROLES[held.role]]
+        if self.is_open or not flying or any(not held.may for held in flying):
+            return
+        allowed = {name for held in flying for name in held.may}
+        for capability in capabilities:
+            if capability not in allowed:
+                raise Refused(
+                    f"{member} may not use {capability} of {self._platform}, only {listed(sorted(allowed), 'and')}"
+                )
+
+    def summary(self, member: str) -> MemberRights:
+        """What a member may do, for its screen."""
+        if self._file is None:
+            return MemberRights()
+        refusals = {}
+        for right in Right:
+            try:
+                self.require(member, right)
+            except Refused as refusal:
+                refusals[right.value] = str(refusal)
+        two = [right.value for right in self._file.two_persons]
+        return MemberRights(self.held(member), refusals, two)
+
+    # --- given roles ---
+
+    def appoint(self, by: str, member: str, role: str, for_s: float) -> str:
+        """Gives a member a role for some time; returns the answer.
+
+        Raises:
+            Refused: it cannot be given.
+        """
+        if self.is_open:
+            raise Refused("this network has no rights.yaml, so everyone has all rights of the link; add one first")
+        if role not in GIVEN:
+            raise Refused(f"{role!r} cannot be given for a time; {nearest(role, list(GIVEN))}")
+        if member not in self._members:
+            raise Refused(f"{member!r} is no operator of the network; {nearest(member, list(self._members))}")
+        if any(Right.APPOINT in ROLES[held.role] for held in self.held(member)):
+            raise Refused(f"{member} is commander of {self._platform}; only rights.yaml changes that")
+        if not 0.0 < for_s <= LONGEST_S:
+            raise Refused(f"a role is given for more than 0 s, at most {LONGEST_S:.0f} s")
+        if len(self._given) >= MOST_GIVEN and member not in self._given:
+            raise Refused(f"{MOST_GIVEN} roles are given already; take one back first")
+        until_s = self._utc_s() + for_s
+        self._given[member] = HeldRole(Role(role), until_s, by=by)
+        return f"{member} is {role} of {self._platform} until {utc_text(until_s)} UTC"
+
+    def dismiss(self, member: str) -> str:
+        """Takes a given role back; returns the answer.
+
+        Raises:
+            Refused: none is given.
+        """
+        if self._given.pop(member, None) is None:
+            raise Refused(f"{member!r} has no given role; {nearest(member, list(self._given))}")
+        return f"{member} is {listed([held.role for held in self.held(member)], 'and')} of {self._platform} again"
+
+    # --- two persons ---
+
+    def second(self, member: str, body: AnyBody, right: Right | None = None) -> str:
+        """Admits a request that needs two persons; returns who the first one was, empty if one is enough.
+
+        Raises:
+            Refused: it is the first of two, or its sender is the first again.
+        """
+        right = right or right_for(body)
+        if right is None or self._file is None or right not in self._file.two_persons:
+            return ""
+        now_s = self._utc_s()
+        self._firsts = {key: first for key, first in self._firsts.items() if first.until_s > now_s}
+        own = {name: "" for name in IDENTITIES if hasattr(body, name)}
+        key = right, blake2s(msgspec.msgpack.encode(msgspec.structs.replace(body, **own))).digest()
+        first = self._firsts.get(key)
+        if first is not None and first.member != member:
+            del self._firsts[key]
+            return first.member
+        self._firsts[key] = _First(member, now_s + SECOND_S)
+        raise Refused(
+            f"{MEANINGS[right]} needs two persons: noted for {member}; a second one with the right has to request the "
+            f"same within {SECOND_S:.0f} s"
+        )
+
+    def _concerns(self, of: Iterable[str]) -> bool:
+        groups = self._file.groups if self._file is not None else {}
+        return any(name in (ALL, self._platform) or self._platform in groups.get(name, ()) for name in of)
+
+    def _named(self) -> list[Any]:
+        return [entry for entry in self._file.rights if self._concerns(entry.of)] if self._file is not None else []

@@ -27,10 +27,11 @@ from gloc3_onboard.autopilot.device import AutopilotDevice
 from gloc3_onboard.autopilot.link import AutopilotLink
 from gloc3_onboard.autopilot.link_reports import LinkReports
 from gloc3_onboard.command_server.site import Background, Site
-from gloc3_onboard.companion.acoustic_link import PERIOD_S, AcousticLink
+from gloc3_onboard.companion.acoustic_link import AcousticLink, ModemSettings
 from gloc3_onboard.companion.autopilot_reporter import AutopilotReporter
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.landing_watchdog import LandingWatchdog
+from gloc3_onboard.companion.link_rights import LinkRights
 from gloc3_onboard.companion.link_watch import LinkWatch, RateWatch
 from gloc3_onboard.companion.parameter_table import own_parameters
 from gloc3_onboard.companion.routing import RoutedLink
@@ -129,6 +130,7 @@ class VehicleSide:
             self.autopilot.own,
             inputs.platform,
             inputs.context,
+            self._inputs.rights,
             inputs.vitals,
             own_parameters(self._set_least_severity, self._allow_writing),
             accepts_plans=inputs.accepts_plans,
@@ -164,8 +166,8 @@ class VehicleSide:
         context, wanted, number = self._inputs.context, parse_url(url), len(self.stations) + 1
         signing, role = self._inputs.sign(url, number), StationRole(wanted.role)
         member = self._inputs.member_of(url, number)
-        if not self._inputs.rights_of_members().may(member, Right.CONTROL):
-            role = StationRole.OBSERVER
+        link_rights = LinkRights(self._inputs.rights, member)
+        if not link_rights.may_command:
             whose = f"{member}, whose key it has," if member else "its key stands for no member, so its stations"
             self._inputs.report(Severity.NOTICE, f"{wanted.address}: {whose} may only look")
         link = StationLink(
@@ -182,28 +184,34 @@ class VehicleSide:
         self.stations.append(link)
         # What observers send reaches our own command interface alone, which tells looking from commanding.
         is_for_observers = role is StationRole.OBSERVER
-        to_companion = () if is_for_observers else (self.companion.attach(link.send),)
+        to_companion = () if is_for_observers else (self.companion.attach(link.send, member=member),)
         watch = RateWatch(self.autopilot.request_streams_again, context.loop.time)
         self.parts.add(f"rate watch {number}", watch)
-        keeps: Callable[[Frame], bool] | None = (lambda _: True) if is_for_observers else None
-        if not is_for_observers and self._inputs.accepts_plans:
-            keeps = self.companion.keeps
+        withholds = [lambda _: True] if is_for_observers else [link_rights.withholds]
+        if self._inputs.accepts_plans:
+            withholds.append(self.companion.keeps)
+
+        def keeps(frame: Frame) -> bool:
+            return any(one(frame) for one in withholds)
+
         routed = self._route(url, (link.receive_frames, *to_companion, watch.receive), link.signed_only, keeps)
         routed.routed.is_to_stations = True
         self.parts.add(f"station link {number}", link, link.close)
         return self._attachment(routed, link.open)
 
-    def attach_modem(self, key: bytes | None = None, period_s: float = PERIOD_S) -> Attachment:
+    def attach_modem(self, settings: ModemSettings) -> Attachment:
         """An acoustic modem, which carries nothing of the other links."""
         context, ends = self._inputs.context, list[Endpoint]()
+        if not self._inputs.rights.may(settings.member, Right.FLY):
+            text = f"acoustic modem: its key stands for {settings.member or 'no member'}, whose orders are not obeyed"
+            self._inputs.report(Severity.WARNING, text)
         modem = AcousticLink(
             context.platform,
             context.exchange,
             context.loop,
             self._boot(),
             lambda data: ends[0].send(data) if ends else None,
-            key,
-            period_s,
+            settings,
         )
         self.parts.add("acoustic link", modem, modem.close)
 
@@ -281,7 +289,7 @@ class VehicleSide:
             "pictures": storage.pictures,
             "site": parts.add("site", site),
         }
-        site.rights = inputs.rights_of_members()
+        site.rights = inputs.rights
         self.onboard = host_components(parts, inputs.platform, context, devices, hosting)
         return self.onboard
 

@@ -102,6 +102,8 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
 
     platform: Platform
     context: HostContext
+    rights: Rights
+    """Of the members of the network."""
     report: Report = lambda _severity, _text: None
     """Called with messages for the person at the terminal."""
     keep: Keep | None = None
@@ -110,8 +112,6 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Reads the computer's load."""
     sign: Callable[[str, int], Signing | None] = lambda _url, _number: None
     """Signs the link of a URL and number, 0 being the autopilot's; None for a link without a key."""
-    rights: Rights | None = None
-    """Of the members of the network; None for everyone's."""
     member_of: Callable[[str, int], str] = lambda _url, _number: ""
     """Member of the network for whom the signing key of a link stands; empty for none."""
     system_id: int = 1
@@ -119,10 +119,6 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Plans that other stations send to the autopilot become missions, and do not reach it."""
     terrain: Terrain | None = None
     """Heights of the ground, for missions; None without tiles."""
-
-    def rights_of_members(self) -> Rights:
-        """The rights of the network's members."""
-        return self.rights or Rights(self.platform.platform, self.context.clock.utc_s)
 
 
 class Attachment(NamedTuple):

@@ -51,6 +51,7 @@ def growth() -> dict[str, float]:
     from gloc3.mavlink.services.files.ftp import Operation, Payload
     from gloc3.messages.summaries import ControlState
     from gloc3.messages.topics import TopicTable
+    from gloc3.network.rights import Rights
     from gloc3.platform.reader import load_platform
     from gloc3_onboard.companion.companion import Companion
     from gloc3_onboard.companion.files import MemoryFiles
@@ -73,7 +74,10 @@ def growth() -> dict[str, float]:
         own = Address(1, 191)
         exchange = LocalExchange()
         companion = Companion(
-            own, load_platform("pelican"), HostContext("pelican", exchange, Clock(loop), loop, TopicTable(), Random(1))
+            own,
+            load_platform("pelican"),
+            HostContext("pelican", exchange, Clock(loop), loop, TopicTable(), Random(1)),
+            Rights("pelican"),
         )
         holder = Publisher(exchange, "pelican", "command_server", 1)
         holder.publish("pelican/ci/control", ControlState(holder="255"), 0.0)

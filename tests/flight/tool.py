@@ -38,7 +38,7 @@ tasks:
 class Tool:
     """A station made of our clients, which are those of the protocols and know nothing of us."""
 
-    def __init__(self, card: Card, system: int = 250, conditions: Conditions | None = None) -> None:
+    def __init__(self, card: Card, system: int = 250, conditions: Conditions | None = None, member: str = "") -> None:
         self.card = card
         self.received: list[MavlinkMessage] = []
         own = Address(system, 190)
@@ -52,7 +52,9 @@ class Tool:
         self.link.a.on_data = self._take
         self._parser, theirs = Parser(is_datagram=True), Parser(is_datagram=True)
         encoder = Encoder(*COMPANION)
-        receive = flight.process.vehicle.companion.attach(lambda reported: self.link.b.send(encoder.encode(reported)))
+        receive = flight.process.vehicle.companion.attach(
+            lambda reported: self.link.b.send(encoder.encode(reported)), member=member
+        )
 
         def handle(data: bytes) -> None:
             receive(theirs.receive(data))

@@ -199,6 +199,8 @@ class StationHeard(Message, frozen=True):
     station: str
     is_reached: bool = True
     """Whether messages to stations reach it; not yet while only its heartbeat was received."""
+    member: str = ""
+    """Of the network: whose rights it has; empty for a link that stands for none."""
 
 
 class CiEvent(Message, frozen=True):

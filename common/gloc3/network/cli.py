@@ -144,9 +144,7 @@ def rights(folder: Path, /) -> int:
         narrate(str(warning), Severity.WARNING)
     for platform in platforms:
         sys.stdout.write("\n".join([platform, *_rights_lines(file, platform, stations)]) + "\n")
-    names = ", ".join(changed)
-    if names:
-        narrate(f"rights.yaml changed for {names}: copy it there, and send SIGHUP to the processes that use it")
+    _narrate(changed)
     return 2 if warnings else 0
 
 
@@ -204,7 +202,7 @@ def _words(membership: Membership) -> list[str]:
 
 def _rights_lines(file: RightsFile, platform: str, stations: Sequence[str]) -> list[str]:
     """What each station may with a platform, and what needs two persons."""
-    table = Rights(platform, utc_now().timestamp, file, stations)
+    table = Rights(platform, utc_now().timestamp, file=file, members=stations)
     lines = []
     for station in stations:
         held = ", ".join(map(str, table.held(station)))
@@ -217,7 +215,7 @@ def _rights_lines(file: RightsFile, platform: str, stations: Sequence[str]) -> l
 def _narrate(changed: Iterable[str]) -> None:
     names = ", ".join(changed)
     if names:
-        narrate(f"network.yaml changed for {names}: copy it there, and send SIGHUP to the processes that use it")
+        narrate(f"the files changed for {names}: copy the folder there, and send SIGHUP to the processes that use it")
 
 
 def _check(days: int) -> None:

@@ -17,7 +17,7 @@ from gloc3.exchange.zenoh_session import QUIC, ZenohEndpoints
 from gloc3.network.access import Accepted, MemberRole, access_control, size_limits
 from gloc3.network.authority import findings as certificate_findings
 from gloc3.network.authority import read_certificate, read_key
-from gloc3.network.rights_file import RIGHTS_FILE, RightsFile, read_rights
+from gloc3.network.rights_file import RightsFile, read_rights
 from gloc3.network.signatures import FileKey, RequestSigner, RequestVerifier
 
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
@@ -38,6 +38,8 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """`HOST:PORT` or `quic/HOST:PORT`, where others connect to this member."""
     connect: list[str] = []
     """Addresses, of the same form, of the members that this one connects to."""
+    rights: str = ""
+    """The file with the members' rights; empty where there is none, and every operator may do everything."""
     accepts: list[Accepted]
     """All members that this one has to do with, itself among them."""
 
@@ -132,15 +134,16 @@ def read_network(path: Path, now: datetime) -> Membership:
     if file is None or found:
         raise InputError(sorted(found))
     folder = path.parent
+    if file.rights and not (folder / file.rights).exists():
+        message = f"{file.rights} is not there, so nobody's rights are known"
+        raise InputError([document.finding(("rights",), message, "copy the whole folder from the network's")])
     found = certificate_findings(
         folder / file.certificate, folder / file.key, folder / file.authority, file.own.common_name, now
     )
     if found:
         raise InputError(found)
-    is_platform = file.own.role is MemberRole.PLATFORM
-    return Membership(
-        path.absolute(), file, read_rights(folder / RIGHTS_FILE, file.roles).file if is_platform else None
-    )
+    rights = read_rights(folder / file.rights, file.roles).file if file.rights else None
+    return Membership(path.absolute(), file, rights)
 
 
 def _findings(document: Document, file: NetworkFile) -> list[Finding]:

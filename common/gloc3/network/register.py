@@ -143,10 +143,14 @@ def revoke(folder: Path, name: str) -> list[str]:
 
 def _write(folder: Path, register: Register) -> list[str]:
     """Writes the register and all network files; returns the members whose files have changed."""
+    roles = {name: member.role for name, member in register.current().items()}
+    has_rights = read_rights(folder / RIGHTS_FILE, roles).file is not None  # errors come before anything is written
     text = f"# The members of the network {register.network}. `gloc3 network` writes this file; authority.key stays here.\n"
     _replace(folder / REGISTER, text + dump(msgspec.to_builtins(register)))
     changed = [
-        name for name in register.current() if _replace(folder / name / NETWORK_FILE, _network_file(register, name))
+        name
+        for name in register.current()
+        if _replace(folder / name / NETWORK_FILE, _network_file(register, name, has_rights=has_rights))
     ]
     return list(dict.fromkeys([*changed, *_copy_rights(folder, register)]))
 
@@ -165,7 +169,7 @@ def spread_rights(folder: Path) -> tuple[RightsFile, list[Finding], list[str]]:
     found = read_rights(folder / RIGHTS_FILE, {name: one.role for name, one in register.current().items()})
     if found.file is None:
         raise Refused(f"{folder / RIGHTS_FILE} does not exist: without it, every operator may command every platform")
-    return found.file, found.warnings, _copy_rights(folder, register)
+    return found.file, found.warnings, _write(folder, register)
 
 
 def _copy_rights(folder: Path, register: Register) -> list[str]:
@@ -176,13 +180,21 @@ def _copy_rights(folder: Path, register: Register) -> list[str]:
     return [name for name in platforms if _replace(folder / name / RIGHTS_FILE, rights.read_text())]
 
 
-def _network_file(register: Register, name: str) -> str:
+def _network_file(register: Register, name: str, *, has_rights: bool) -> str:
     member, own = register.members[name], register.accepted(name)
     others = [register.accepted(other) for other in register.current() if other != name]
     entries = [own, *(other for other in others if grants(own, other))]
     listed = "".join(
         f"  - {{member: {_quoted(entry.member)}, role: {entry.role}, certificate: {_quoted(entry.certificate)}}}\n"
         for entry in entries
+    )
+    rights = (
+        f"""
+# Who may what with the platform; `gloc3 network rights` writes it.
+rights: {RIGHTS_FILE}
+"""
+        if has_rights and member.role is MemberRole.PLATFORM
+        else ""
     )
     return f"""\
 # The network file of {name}: its whole folder goes to the computer of {name}, and nowhere else.
@@ -199,7 +211,7 @@ authority: {AUTHORITY}
 # or quic/HOST:PORT over UDP, for links that lose packets.
 listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
-
+{rights}
 # Who is accepted, in which role, with which certificate; everyone else is refused.
 # `gloc3 network show` shows the permissions. After a change: SIGHUP to the processes that use it.
 accepts:

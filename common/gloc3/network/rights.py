@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from hashlib import blake2s
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -20,13 +20,15 @@ from gloc3.messages.command_interface import (
     Control,
     ControlVerb,
     CutLog,
+    Elsewhere,
     Emergency,
     EmergencyVerb,
+    LoadMission,
     RequestAction,
     RequestTask,
     Steer,
 )
-from gloc3.network.rights_file import ALL, Right, RightsFile, Role
+from gloc3.network.rights_file import ALL, Right, RightsEntry, RightsFile, Role
 
 ROLES: Final[Mapping[Role, frozenset[Right]]] = {
     Role.OBSERVER: frozenset(),
@@ -43,7 +45,7 @@ MEANINGS: Final[Mapping[Right, str]] = {
     Right.APPOINT: "giving and taking back roles",
     Right.MAINTAIN: "changing parameters and settings",
     Right.TERMINATE: "disarming in flight",
-    Right.FENCE_OFF: "a mission without a geofence",
+    Right.FENCE_OFF: "flying without a geofence",
 }
 """In words, as the subject of a refusal."""
 GIVEN: Final = (Role.OPERATOR, Role.MAINTAINER, Role.OBSERVER)
@@ -51,32 +53,45 @@ GIVEN: Final = (Role.OPERATOR, Role.MAINTAINER, Role.OBSERVER)
 LONGEST_S: Final = 86_400.0
 """So long a role may be given, s."""
 MOST_GIVEN: Final = 64
+"""Given roles, and first ones of two persons, that are remembered."""
 SECOND_S: Final = 30.0
 """So long the first of two persons waits for the second, s."""
+UNLIMITED: Final = frozenset({Right.FLY, Right.TERMINATE, Right.FENCE_OFF})
+"""What a station needs that commands the autopilot itself, where no request is checked."""
+ITSELF: Final = "*"
+"""In place of a member, whose name it can never be: the vehicle's own processes, which have all rights."""
 IDENTITIES: Final = ("author", "override", "version", "protocol")
 """Fields in which the requests of two persons may differ."""
 
 
-def right_for(body: AnyBody) -> Right | None:
-    """What a request needs; None for one that only reads."""
+FLIGHTS: Final = (LoadMission, RequestTask, RequestAction)
+"""Requests that may lead to flying without a geofence."""
+
+
+def rights_for(body: AnyBody) -> frozenset[Right]:
+    """What a request needs; nothing for one that only reads."""
+    found = set[Right]()
     match body:
-        case Emergency(verb=EmergencyVerb.DISARM):
-            return Right.TERMINATE
+        case Emergency():
+            found.add(Right.TERMINATE if body.verb is EmergencyVerb.DISARM else Right.FLY)
         case Control(verb=ControlVerb.TAKE_OVER):
-            return Right.OVERRULE
+            found.add(Right.OVERRULE)
         case Control(verb=ControlVerb.APPOINT | ControlVerb.DISMISS):
-            return Right.APPOINT
-        case Control():
-            return Right.CONTROL
+            found.add(Right.APPOINT)
+        case Control() | Elsewhere():
+            found.add(Right.CONTROL)
         case CallFunction():
-            return Right.MAINTAIN
+            found.add(Right.MAINTAIN)
         case CommandComponent():
-            return Right.OVERRULE if body.is_forced else Right.FLY if body.settings is None else Right.MAINTAIN
+            found.add(Right.FLY if body.settings is None else Right.MAINTAIN)
+            found |= {Right.OVERRULE} if body.is_forced else set()
         case Steer() | RequestTask() | RequestAction():
-            return Right.OVERRULE if body.override else Right.FLY
+            found |= {Right.FLY, Right.OVERRULE} if body.override else {Right.FLY}
         case CutLog() | ConfirmLog():
-            return Right.LOGS
-    return None if isinstance(body, QUERIES) else Right.FLY
+            found.add(Right.LOGS)
+        case _ if not isinstance(body, QUERIES):
+            found.add(Right.FLY)
+    return frozenset(found)
 
 
 class HeldRole(NamedTuple):
@@ -107,9 +122,19 @@ class MemberRights(msgspec.Struct, frozen=True):
     """Rights that need a second person."""
 
 
+class _Given(NamedTuple):
+    held: HeldRole
+    end_s: float
+    """By the monotonic clock, which nobody sets."""
+
+
 class _First(NamedTuple):
     member: str
-    until_s: float
+    end_s: float
+
+
+def _no_time() -> float:
+    return 0.0
 
 
 class Rights:
@@ -117,21 +142,27 @@ class Rights:
 
     Args:
         platform: the platform's name.
-        utc_s: returns UTC, s.
+        utc_s: returns UTC, s, for the roles' ends in the file.
+        now_s: returns the monotonic time, s, for everything else.
         file: the rights; None for none.
         members: the members of the network that may send commands at all.
     """
 
     def __init__(
-        self, platform: str, utc_s: Callable[[], float], file: RightsFile | None = None, members: Iterable[str] = ()
+        self,
+        platform: str,
+        utc_s: Callable[[], float] = _no_time,
+        now_s: Callable[[], float] = _no_time,
+        file: RightsFile | None = None,
+        members: Iterable[str] = (),
     ) -> None:
-        self._platform, self._utc_s = platform, utc_s
-        self._given: dict[str, HeldRole] = {}
-        self._firsts: dict[tuple[Right, bytes], _First] = {}
+        self._platform, self._utc_s, self._now_s = platform, utc_s, now_s
+        self._given: dict[str, _Given] = {}
+        self._firsts: dict[bytes, _First] = {}
         self.adopt(file, members)
 
     def adopt(self, file: RightsFile | None, members: Iterable[str] = ()) -> None:
-        """Replaces the file; roles that a commander has given remain."""
+        """Replaces the file; given roles remain as long as their givers are commanders."""
         self._file, self._members = file, tuple(members)
 
     @property
@@ -143,22 +174,37 @@ class Rights:
 
     def held(self, member: str) -> list[HeldRole]:
         """The roles that a member has now for the platform; observer alone where it has none."""
+        if member == ITSELF:
+            return [HeldRole(Role.COMMANDER), HeldRole(Role.MAINTAINER)]
         given = self._given.get(member)
-        if given is not None and given.until_s is not None and given.until_s <= self._utc_s():
+        if given is not None and (given.end_s <= self._now_s() or not self._is_commander(given.held.by)):
             del self._given[member]
             given = None
-        if given is not None and given.role is Role.OBSERVER:
-            return [given]
-        found = [] if given is None else [given]
-        for entry in self._file.rights if self._file is not None else ():
-            until_s = entry.until_s
-            if entry.member == member and self._concerns(entry.of) and (until_s is None or until_s > self._utc_s()):
-                found.append(HeldRole(entry.role, until_s, tuple(entry.may)))
-        return found or [HeldRole(Role.OBSERVER)]
+        if given is not None and given.held.role is Role.OBSERVER:
+            return [given.held]
+        return [*([] if given is None else [given.held]), *self._filed(member)] or [HeldRole(Role.OBSERVER)]
+
+    def _filed(self, member: str) -> list[HeldRole]:
+        """The roles in the file that have not ended."""
+        found = [
+            HeldRole(entry.role, entry.until_s, tuple(entry.may)) for entry in self._named() if entry.member == member
+        ]
+        return [held for held in found if held.until_s is None or held.until_s > self._utc_s()]
+
+    def _is_commander(self, member: str) -> bool:
+        return any(Right.APPOINT in ROLES[held.role] for held in self._filed(member))
 
     def may(self, member: str, right: Right) -> bool:
         """Whether a member has a right now."""
         return self.is_open or any(right in ROLES[held.role] for held in self.held(member))
+
+    def may_alone(self, member: str, rights: Iterable[Right]) -> bool:
+        """Whether a member has rights without a second person, and without limits to some capabilities."""
+        if self._file is None:
+            return True
+        wanted = frozenset(rights)
+        is_alone = wanted.isdisjoint(self._file.two_persons) and all(self.may(member, right) for right in wanted)
+        return is_alone and (Right.FLY not in wanted or self._capabilities(member) is None)
 
     def check(self, member: str, body: AnyBody) -> None:
         """Checks a request.
@@ -170,10 +216,8 @@ class Rights:
         Raises:
             Refused: the member has no right to it; names the role that has.
         """
-        right = right_for(body)
-        if right is None:
-            return
-        self.require(member, right)
+        for right in sorted(rights_for(body)):
+            self.require(member, right)
         if isinstance(body, RequestAction):
             self.check_capabilities(member, [body.capability])
 
@@ -202,15 +246,19 @@ class Rights:
         Raises:
             Refused: the member is limited to others.
         """
-        flying = [held for held in self.held(member) if Right.FLY in ROLES[held.role]]
-        if self.is_open or not flying or any(not held.may for held in flying):
-            return
-        allowed = {name for held in flying for name in held.may}
+        allowed = self._capabilities(member)
         for capability in capabilities:
-            if capability not in allowed:
+            if allowed is not None and capability not in allowed:
                 raise Refused(
                     f"{member} may not use {capability} of {self._platform}, only {listed(sorted(allowed), 'and')}"
                 )
+
+    def _capabilities(self, member: str) -> set[str] | None:
+        """What a member's flying is limited to; None where it is not, or where it may not fly."""
+        flying = [held for held in self.held(member) if Right.FLY in ROLES[held.role]]
+        if self.is_open or not flying or any(not held.may for held in flying):
+            return None
+        return {name for held in flying for name in held.may}
 
     def summary(self, member: str) -> MemberRights:
         """What a member may do, for its screen."""
@@ -239,14 +287,14 @@ class Rights:
             raise Refused(f"{role!r} cannot be given for a time; {nearest(role, list(GIVEN))}")
         if member not in self._members:
             raise Refused(f"{member!r} is no operator of the network; {nearest(member, list(self._members))}")
-        if any(Right.APPOINT in ROLES[held.role] for held in self.held(member)):
+        if self._is_commander(member):
             raise Refused(f"{member} is commander of {self._platform}; only rights.yaml changes that")
         if not 0.0 < for_s <= LONGEST_S:
             raise Refused(f"a role is given for more than 0 s, at most {LONGEST_S:.0f} s")
         if len(self._given) >= MOST_GIVEN and member not in self._given:
             raise Refused(f"{MOST_GIVEN} roles are given already; take one back first")
         until_s = self._utc_s() + for_s
-        self._given[member] = HeldRole(Role(role), until_s, by=by)
+        self._given[member] = _Given(HeldRole(Role(role), until_s, by=by), self._now_s() + for_s)
         return f"{member} is {role} of {self._platform} until {utc_text(until_s)} UTC"
 
     def dismiss(self, member: str) -> str:
@@ -261,32 +309,67 @@ class Rights:
 
     # --- two persons ---
 
-    def second(self, member: str, body: AnyBody, right: Right | None = None) -> str:
+    def note(self, member: str, body: AnyBody) -> str:
+        """Notes a request of a station that does not hold control as the first of two; returns what to answer.
+
+        Empty where one person is enough, so that the request is none without control.
+        """
+        needed = self._two_persons(body, (Right.FENCE_OFF,) if isinstance(body, FLIGHTS) else ())
+        if not needed:
+            return ""
+        self._first(self._digest(body), member)
+        return (
+            f"{MEANINGS[needed[0]]} needs two persons: noted for {member}; the station in control has to request the "
+            f"same within {SECOND_S:.0f} s"
+        )
+
+    def second(self, member: str, body: AnyBody, extra: Iterable[Right] = ()) -> str:
         """Admits a request that needs two persons; returns who the first one was, empty if one is enough.
+
+        Args:
+            member: who requests it.
+            body: the request.
+            extra: rights that it needs besides.
 
         Raises:
             Refused: it is the first of two, or its sender is the first again.
         """
-        right = right or right_for(body)
-        if right is None or self._file is None or right not in self._file.two_persons:
+        needed = self._two_persons(body, extra)
+        if not needed:
             return ""
-        now_s = self._utc_s()
-        self._firsts = {key: first for key, first in self._firsts.items() if first.until_s > now_s}
-        own = {name: "" for name in IDENTITIES if hasattr(body, name)}
-        key = right, blake2s(msgspec.msgpack.encode(msgspec.structs.replace(body, **own))).digest()
+        key = self._digest(body)
         first = self._firsts.get(key)
-        if first is not None and first.member != member:
+        is_other = first is not None and first.end_s > self._now_s() and first.member != member
+        if first is not None and is_other and all(self.may(first.member, right) for right in needed):
             del self._firsts[key]
             return first.member
-        self._firsts[key] = _First(member, now_s + SECOND_S)
+        self._first(key, member)
         raise Refused(
-            f"{MEANINGS[right]} needs two persons: noted for {member}; a second one with the right has to request the "
-            f"same within {SECOND_S:.0f} s"
+            f"{MEANINGS[needed[0]]} needs two persons: noted for {member}; a second one with the right has to request "
+            f"the same within {SECOND_S:.0f} s"
         )
+
+    def _first(self, key: bytes, member: str) -> None:
+        now_s = self._now_s()
+        self._firsts = {key: first for key, first in self._firsts.items() if first.end_s > now_s}
+        self._firsts.pop(key, None)
+        self._firsts[key] = _First(member, now_s + SECOND_S)
+        if len(self._firsts) > MOST_GIVEN:
+            del self._firsts[next(iter(self._firsts))]
+
+    def _two_persons(self, body: AnyBody, extra: Iterable[Right]) -> list[Right]:
+        """Which of the rights that a request needs need two persons."""
+        two = () if self._file is None else self._file.two_persons
+        return sorted({*rights_for(body), *extra}.intersection(two))
+
+    @staticmethod
+    def _digest(body: AnyBody) -> bytes:
+        own = {name: "" for name in IDENTITIES if hasattr(body, name)}
+        return blake2s(msgspec.msgpack.encode(msgspec.structs.replace(body, **own))).digest()
 
     def _concerns(self, of: Iterable[str]) -> bool:
         groups = self._file.groups if self._file is not None else {}
         return any(name in (ALL, self._platform) or self._platform in groups.get(name, ()) for name in of)
 
-    def _named(self) -> list[Any]:
+    def _named(self) -> list[RightsEntry]:
         return [entry for entry in self._file.rights if self._concerns(entry.of)] if self._file is not None else []

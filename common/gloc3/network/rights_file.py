@@ -42,6 +42,10 @@ class Right(StrEnum):
     FENCE_OFF = "fence_off"
 
 
+ALONE: Final = (Right.CONTROL, Right.FLY)
+"""What needs one person at most, so that each operator can stop the vehicle."""
+
+
 class RightsEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A role of a member."""
 
@@ -72,7 +76,7 @@ class RightsFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Platforms, by the name of a group."""
     rights: list[RightsEntry]
     two_persons: list[Right] = []
-    """What two persons have to request within half a minute."""
+    """What two persons have to request within half a minute; neither control nor fly."""
 
 
 class ReadRights(NamedTuple):
@@ -129,6 +133,10 @@ def _findings(document: Document, file: RightsFile, members: Mapping[str, Member
         except ValueError:
             message = f"{entry.until!r} is no time"
             found.append(document.finding((*place, "until"), message, "write 2026-12-01, or 2026-12-01T18:00 in UTC"))
+    for index, right in enumerate(file.two_persons):
+        if right in ALONE:
+            message = f"{right} cannot need two persons: each operator has to be able to stop the vehicle"
+            found.append(document.finding(("two_persons", index), message))
     return found
 
 

@@ -1,7 +1,8 @@
 """Requests of stations on the network, signed by their members, on keys that only the sender may write.
 
 A station sends commands on `PLATFORM/ci/request/STATION` and read-only requests on `PLATFORM/ci/ask/STATION`; inside a
-process both are `PLATFORM/ci/request`, as on every middleware.
+process both are `PLATFORM/ci/request`, as on every middleware. While it holds control of a platform, it says every second
+that it is there, signed too: whoever forwards messages cannot keep up a contact that is lost.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Mapping
+from random import SystemRandom
 from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
@@ -18,12 +20,12 @@ from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange, Publisher, Unsubscribe
 from gloc3.exchange.tunnel.layout import TunnelRole as End
 from gloc3.exchange.tunnel.routes import route
-from gloc3.messages.command_interface import QUERIES, CiRequest, StationRole
-from gloc3.messages.envelope import Envelope, SignedMessage
-from gloc3.messages.summaries import StationHeard, Summary
+from gloc3.messages.command_interface import QUERIES, CiRequest, Emergency, EmergencyVerb, StationRole
+from gloc3.messages.envelope import Envelope, SignedMessage, Source
+from gloc3.messages.summaries import ControlState, StationHeard, Summary
 from gloc3.messages.teleoperation import VelocityDemand
 from gloc3.messages.topics import TopicTable
-from gloc3.messages.wire import WireError
+from gloc3.messages.wire import WireError, type_name
 from gloc3.network.access import MemberRole
 from gloc3.network.platform_clocks import PlatformClocks
 from gloc3.network.signatures import RequestSigner, RequestVerifier
@@ -40,6 +42,8 @@ CHUNKS: Final = "log_chunk"
 """Pieces of logs, which no radio carries."""
 COMMANDS: Final = "request"
 QUESTIONS: Final = "ask"
+PRESENT_S: Final = 2.0
+"""So long a sign of presence may be on the way, s."""
 DEMAND_S: Final = 2.0
 """So long a velocity demand may be on the way, s; what is later than the others of its session is dropped sooner."""
 MOST_AGE_S: Final = 60.0
@@ -80,7 +84,9 @@ def join_platforms(
         is_new: whether a message has not arrived over another link already.
         signer: signs what the station sends.
     """
-    clocks, now_s, sent = PlatformClocks(), asyncio.get_running_loop().time, Counter[str]()
+    loop = asyncio.get_running_loop()
+    clocks, now_s, sent, controlled = PlatformClocks(), loop.time, Counter[str](), set[str]()
+    source = Source(station, "presence", SystemRandom().getrandbits(32))
 
     def sign(envelope: Envelope[Any], key: str, until_s: float) -> None:
         boot = clocks.boot(key.partition("/")[0])
@@ -99,11 +105,24 @@ def join_platforms(
             sign(envelope, f"{platform}/{DEMANDS}/{station}", clocks.until_s(platform, now_s(), DEMAND_S))
 
     def handle(envelope: Envelope[Any]) -> None:
-        if isinstance(envelope.payload, Summary):
+        payload, platform = envelope.payload, envelope.topic.partition("/")[0]
+        if isinstance(payload, Summary):
             clocks.receive(envelope, now_s())
+        elif isinstance(payload, ControlState) and payload.holder == station:
+            controlled.add(platform)
+        elif isinstance(payload, ControlState):
+            controlled.discard(platform)
         if is_new(envelope):
             inside.publish(envelope)
 
+    def be_present() -> None:
+        timers[:] = [loop.call_later(CONTACT_S, be_present)]
+        for platform in sorted(controlled):
+            key, until_s = f"{platform}/ci/{QUESTIONS}/{station}", clocks.until_s(platform, now_s(), PRESENT_S)
+            heard = StationHeard(station=station)
+            sign(Envelope(key, source, 0, now_s(), "", type_name(StationHeard), heard), key, until_s)
+
+    timers = [loop.call_later(CONTACT_S, be_present)]
     undo = [
         network.declare_alive(presence(station)),
         inside.subscribe("*/ci/request", send),
@@ -115,6 +134,7 @@ def join_platforms(
             undo.append(network.subscribe(f"*/{name}", handle))
 
     def part() -> None:
+        timers[0].cancel()
         for end in undo:
             end()
 
@@ -171,6 +191,7 @@ class StationBridge:
         self._forged = forged
         self._server_boot = 0
         """Of the command interface server's present life."""
+        self._holder = ""
         loop, platform = self._loop, self._platform
         self._publisher = Publisher(network, platform, "stations", boot)
         self._here: set[str] = set()
@@ -179,6 +200,7 @@ class StationBridge:
             network.subscribe(f"{platform}/{DEMANDS}/*", self._receive),
             network.watch(presence("*"), self._add_station),
             network.here.subscribe(f"{platform}/ci/summary", self._receive_summary),
+            network.here.subscribe(f"{platform}/ci/control", self._receive_control),
         ]
         self._timer = loop.call_later(CONTACT_S, self._tick)
 
@@ -191,12 +213,15 @@ class StationBridge:
     def _receive_summary(self, envelope: Envelope[Summary]) -> None:
         self._server_boot = envelope.source.boot
 
+    def _receive_control(self, envelope: Envelope[ControlState]) -> None:
+        self._holder = envelope.payload.holder
+
     def _receive(self, envelope: Envelope[Any]) -> None:
         _, *_, kind, station = envelope.topic.split("/")
         try:
             found = self._opened(envelope, station)
             reason = _wrong(found.payload, kind, station, self.members.roles.get(station))
-            stale = "" if kind == QUESTIONS else self._stale(envelope.payload)
+            stale = self._stale(envelope.payload, found.payload)
             if kind == DEMANDS:
                 reason = reason or stale
         except (Refused, WireError) as error:
@@ -206,10 +231,14 @@ class StationBridge:
             if number == 10 ** (len(str(number)) - 1):  # 1, 10, 100, …
                 self._forged(station, reason if number == 1 else f"{reason} ({number} so far)")
             return
+        if isinstance(found.payload, StationHeard):
+            if not stale:
+                self._publish_contact(station)
+            return
         role = STATION_ROLES[self.members.roles[station]]
         request, topic = replace(found.payload, role=role, way=RELAYED, member=station), "velocity_demand"
         if kind != DEMANDS:
-            request, topic = replace(request, objection=stale), "ci/request"
+            request, topic = replace(request, objection=stale if kind == COMMANDS else ""), "ci/request"
         self._inside.publish(replace(found, topic=f"{self._platform}/{topic}", payload=request))
 
     def _opened(self, envelope: Envelope[Any], station: str) -> Envelope[Any]:
@@ -222,22 +251,25 @@ class StationBridge:
         if station not in self.members.roles:
             raise Refused(f"{station} is not a station of this network")
         if not isinstance(envelope.payload, SignedMessage):
-            raise Refused(f"{type(envelope.payload).__name__} is not a signed message")
+            what = type(envelope.payload).__name__
+            raise Refused(f"{what} is not a signed message: give the station the vehicle's version of gloc3")
         utc_s = self._context.clock.utc_s()
         return self.members.verifier.open(envelope, station, self._context.topics.types, utc_s)
 
-    def _stale(self, signed: SignedMessage) -> str:
-        """Why a command is not for now; empty where it is."""
-        if signed.boot == 0 or signed.until_s <= 0.0:
+    def _stale(self, signed: SignedMessage, message: Any) -> str:
+        """Why a message is not for now; empty where it is."""
+        if signed.boot == 0 or not signed.until_s > 0.0:
             return "it has no time limit, because the station has not heard the vehicle's clock yet; send it again"
         if signed.boot != self._server_boot:
             return "it is for an earlier start of the vehicle's command interface; send it again if it is still wanted"
         left_s = signed.until_s - self._loop.time()
-        if left_s < 0.0:
+        if not left_s >= 0.0:
             return f"it came {-left_s:.1f} s after its time limit; send it again if it is still wanted"
         clock = self._context.clock
         off_s = clock.utc_s() - signed.utc_s
-        if clock.is_utc_right() and abs(off_s) > MOST_AGE_S:
+        body = message.body if isinstance(message, CiRequest) else None
+        is_hold = isinstance(body, Emergency) and body.verb is EmergencyVerb.HOLD  # the station's clock stops no hold
+        if clock.is_utc_right() and not abs(off_s) <= MOST_AGE_S and not is_hold:
             return f"it was signed {off_s:.0f} s ago by the vehicle's clock, at most {MOST_AGE_S:.0f}: set the station's clock"
         return ""
 
@@ -245,21 +277,23 @@ class StationBridge:
         station = token.rpartition("/")[2]
         if is_here and station in self.members.roles:
             self._here.add(station)
-            self._publish_contact(station)
         else:
             self._here.discard(station)
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(CONTACT_S, self._tick)
-        for station in sorted(self._here):
+        for station in sorted(self._here - {self._holder}):  # that one signs its presence
             self._publish_contact(station)
 
     def _publish_contact(self, station: str) -> None:
-        self._publisher.publish(f"{self._platform}/ci/heard", StationHeard(station=station), self._loop.time())
+        heard = StationHeard(station=station, member=station)
+        self._publisher.publish(f"{self._platform}/ci/heard", heard, self._loop.time())
 
 
 def _wrong(request: Any, kind: str, station: str, role: MemberRole | None) -> str:
     """Why a request is not what its key says; empty where it is."""
+    if kind == QUESTIONS and isinstance(request, StationHeard):
+        return "" if role in STATION_ROLES else f"{station} is not a station of this network"
     if not isinstance(request, VelocityDemand if kind == DEMANDS else CiRequest):
         return f"{type(request).__name__} is not a request"
     if role not in STATION_ROLES:

@@ -10,7 +10,16 @@ from typing import Final
 
 from gloc3.component.ports import Inbox, Input, Keep, Output, PortGroup
 from gloc3.errors import Refused
-from gloc3.messages.command_interface import OURSELVES, QUERIES, CiRequest, Control, ControlVerb, Hello, StationRole
+from gloc3.messages.command_interface import (
+    OURSELVES,
+    QUERIES,
+    CiRequest,
+    Control,
+    ControlVerb,
+    Emergency,
+    Hello,
+    StationRole,
+)
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.software import Software
 from gloc3.messages.summaries import ControlState, EventReport, StationHeard
@@ -34,6 +43,8 @@ MOST_LATE: Final = 2
 DOUBLED_AGAIN_S: Final = 60.0
 DEMANDS_AGAIN_S: Final = 10.0
 """Period at which the reason for ignoring a station's demands is repeated, s."""
+TELEOPERATE: Final = "teleoperate"
+"""The capability."""
 DRIFT: Final = 1e-3
 """Two clocks run apart by less than this share of the time."""
 MOST_SENDERS: Final = 16
@@ -56,6 +67,8 @@ class ControlAuthority:
 
     def __init__(self) -> None:
         self.holder = ""
+        self.is_entitled = True
+        """Whether the holder may still hold control; one that may not counts as lost."""
         self.requested_by = ""
         self._requested_s = 0.0
         self._received_s: dict[str, float] = {}
@@ -128,7 +141,7 @@ class ControlAuthority:
         if self.holder in ("", station):
             self.holder = station
             return "granted"
-        if self.silent_s(now_s) > expires_after_s:
+        if self._is_lost(now_s, expires_after_s):
             was, self.holder, self.requested_by = self.holder, station, ""
             return f"granted: station {was} is lost"
         if self.requested_by not in ("", station):
@@ -140,10 +153,13 @@ class ControlAuthority:
         """Ends an unanswered request; returns whether anything has changed."""
         if not self.requested_by or now_s - self._requested_s <= ANSWER_S:
             return False
-        if self.silent_s(now_s) > expires_after_s:
+        if self._is_lost(now_s, expires_after_s):
             self.holder = self.requested_by
         self.requested_by = ""
         return True
+
+    def _is_lost(self, now_s: float, expires_after_s: float) -> bool:
+        return not self.is_entitled or self.silent_s(now_s) > expires_after_s
 
 
 class Authority:
@@ -161,16 +177,31 @@ class Authority:
         self.demands: Final = Demands(self.control, report, rights)
         self._kept_holder, self._report = kept_holder, report
         self._senders = Senders()
+        self._members: OrderedDict[str, str] = OrderedDict()
+        """For whom each station spoke last."""
         self._software: dict[str, Software] = {}
         """Software of the stations that have identified themselves."""
 
     def observe(self, now_s: float, inbox: Inbox) -> None:
-        """Handles station heartbeats."""
-        for received in inbox.new(AuthorityPorts.heard):
-            self.control.note_contact(received.payload.station, now_s)
+        """Handles station heartbeats, and the end of the holder's role."""
         if self._kept_holder:
             self.control.restore(self._kept_holder, now_s)
             self._kept_holder = ""
+        for received in inbox.new(AuthorityPorts.heard):
+            self._note_contact(received.payload.station, received.payload.member, now_s)
+        control, holder = self.control, self.control.holder
+        is_entitled = holder not in self._members or self.rights.may(self._members[holder], Right.CONTROL)
+        if control.is_entitled and not is_entitled:
+            member = self._members[holder]
+            text = f"{member or holder} may not hold control any more, and counts as lost: another one can request it"
+            self._report(Severity.WARNING, text)
+        control.is_entitled = is_entitled
+
+    def _note_contact(self, station: str, member: str, now_s: float) -> None:
+        """Registers contact, with the holder of control only as long as its member may hold it."""
+        is_same = self._members.get(station, member) == member and self.rights.may(member, Right.CONTROL)
+        if self.rights.is_open or station != self.control.holder or is_same:
+            self.control.note_contact(station, now_s)
 
     def receive(self, request: CiRequest, now_s: float) -> str:
         """Registers a request; returns the reason for a general refusal, empty if there is none."""
@@ -182,7 +213,10 @@ class Authority:
             return str(refusal)
         if request.role is StationRole.OBSERVER and not isinstance(request.body, QUERIES):
             return f"station {request.sender} may look and not command: it is an observer"
-        self.control.note_contact(request.sender, now_s)
+        if not isinstance(request.body, QUERIES):
+            if not isinstance(request.body, Emergency) and (clash := self._identify(request)):
+                return clash
+            self._note_contact(request.sender, request.member, now_s)
         if isinstance(request.body, Hello | Control):
             self._software.pop(request.sender, None)
             self._software[request.sender] = Software(request.body.version, request.body.protocol)
@@ -192,13 +226,43 @@ class Authority:
             self._report(Severity.WARNING, doubled)
         return ""
 
-    def second(self, request: CiRequest, right: Right | None = None) -> None:
+    def _identify(self, request: CiRequest) -> str:
+        """Notes for whom a station speaks; returns a refusal where it has the holder's name and is another member's."""
+        if self.rights.is_open:
+            return ""
+        station, member = request.sender, request.member
+        known = self._members.get(station, member)
+        if station == self.control.holder and known != member and self.rights.may(known, Right.CONTROL):
+            return (
+                f"station {station} holds control for {known or 'no member'}, and this request is of {member or 'none'}"
+            )
+        self._members.pop(station, None)
+        self._members[station] = member
+        if len(self._members) > MOST_STATIONS:
+            del self._members[next(one for one in self._members if one != self.control.holder)]
+        return ""
+
+    def require(self, request: CiRequest) -> None:
+        """Refuses a station that does not hold control; where two persons are needed, its request counts as the first.
+
+        Raises:
+            Refused: with the reason.
+        """
+        if request.sender != self.control.holder and (noted := self.rights.note(request.member, request.body)):
+            raise Refused(noted)
+        self.control.require(request.sender)
+
+    def second(self, request: CiRequest, *extra: Right) -> None:
         """Admits a request for which one person is enough, and the second of two.
+
+        Args:
+            request: the request.
+            extra: rights that it needs besides.
 
         Raises:
             Refused: it is the first of two.
         """
-        if first := self.rights.second(request.member, request.body, right):
+        if first := self.rights.second(request.member, request.body, extra):
             text = f"two persons have requested {type(request.body).__name__}: {first} and {request.member}"
             self._report(Severity.NOTICE, text)
 
@@ -214,9 +278,6 @@ class Authority:
             text = self.rights.appoint(request.member, body.station, body.role, body.for_s)
         else:
             text = self.rights.dismiss(body.station)
-        if self.control.holder == body.station and not self.rights.may(body.station, Right.CONTROL):
-            self.control.holder = ""
-            text += "; no station holds control"
         self._report(Severity.NOTICE, f"{request.member}: {text}")
         return text
 
@@ -304,6 +365,7 @@ class Demands:
         if demand.role is not StationRole.OPERATOR:
             raise Refused("it is an observer")
         self._rights.require(demand.member, Right.FLY)
+        self._rights.check_capabilities(demand.member, [TELEOPERATE])
         self._authority.require(demand.sender)
         elapsed_s = now_s - envelope.t_s
         session = self._session_of(demand, elapsed_s)

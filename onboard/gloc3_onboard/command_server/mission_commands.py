@@ -56,6 +56,10 @@ MOST_UNKNOWN: Final = 32
 """Greatest number of unauthorized stations that are reported."""
 BEGINS: Final = (Verb.START, Verb.RETRY)
 """What may lead to a take-off."""
+HOMEWARD: Final = frozenset({"land", "return_home"})
+"""Capabilities that end a flight, with a geofence or without."""
+STOPS: Final = (Verb.PAUSE, Verb.ABORT, Verb.CLEAR)
+"""What nobody who may fly is too limited for."""
 MOST_CHECKS: Final = 8
 """Missions that wait for their check."""
 SWITCH_S: Final = 0.001
@@ -125,11 +129,16 @@ class MissionCommands:
         used = sorted({one.ability for one in mission.actions().values()})
         self._authority.rights.check_capabilities(request.member, used)
 
-    def _admit(self, request: CiRequest, mission: Mission) -> None:
-        """Refuses a mission that the request's member may not load, or not alone."""
+    def _admit(self, request: CiRequest, mission: Mission, *, has_fence: bool) -> None:
+        """Refuses a mission that the request's member may not load, or not alone.
+
+        Args:
+            request: the request.
+            mission: what it leads to.
+            has_fence: whether it is flown in a geofence.
+        """
         self._check_rights(request, mission)
-        if mission.fence is None:
-            self._authority.second(request, Right.FENCE_OFF)
+        self._authority.second(request, *([] if has_fence else [Right.FENCE_OFF]))
 
     # --- the loaded mission ---
 
@@ -147,7 +156,7 @@ class MissionCommands:
                 count = sum(not finding.is_warning for finding in report.findings)
                 return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
             mission = report.flyable()
-            self._admit(request, mission)
+            self._admit(request, mission, has_fence=mission.fence is not None)
             executor.load(mission, at_s)
             if geofence_of(self._platform, executor).areas:
                 self._fence_wait = _FenceWait(request, findings, at_s + FENCE_S)
@@ -172,7 +181,7 @@ class MissionCommands:
                 count = sum(not finding.is_warning for finding in report.findings)
                 return answer(request, Outcome.REFUSED, f"the mission has {count} error(s)", text=findings)
             whole = read_mission(body.text, body.name, circumstances.surroundings())
-            self._admit(request, whole)
+            self._admit(request, whole, has_fence=whole.fence is not None)
             executor.amend(whole, at_s)
             return answer(request, text=findings)
 
@@ -188,11 +197,11 @@ class MissionCommands:
 
     def steer(self, request: CiRequest, body: Steer, now_s: float) -> CiReply | None:
         """Starts, pauses, resumes, skips, aborts, retries or clears the mission, a task or an action."""
+        if body.verb not in STOPS and (program := self.executor.mission) is not None:
+            self._check_rights(request, program.mission)
         if body.verb not in BEGINS:
             return self._steer(request, body, now_s)
         self._refuse_to_begin(body)
-        if (program := self.executor.mission) is not None:
-            self._check_rights(request, program.mission)
         return self._start(request, lambda at_s: self._steer(request, body, at_s), now_s)
 
     def _steer(self, request: CiRequest, body: Steer, now_s: float) -> CiReply:
@@ -237,20 +246,23 @@ class MissionCommands:
                 *_, nearest = (finding for finding in report.findings if not finding.is_warning)
                 return answer(request, Outcome.REFUSED, nearest.message, text=_lines(report.findings))
             mission, rows = report.flyable(), abilities(self._platform)
-            self._check_rights(request, mission)
+            wanted = {one.ability for one in mission.actions().values()}
+            is_moving = any(MOTION in row.claims for name, row in rows.items() if name in wanted)
+            is_free = is_moving and not wanted <= HOMEWARD
+            self._admit(request, mission, has_fence=fence is not None or not is_free)
 
             def begin(at_s: float) -> CiReply:
                 return answer(request, reason=executor.command(mission, at_s))
 
-            wanted = {one.ability for one in mission.actions().values()}
-            if not any(MOTION in row.claims for name, row in rows.items() if name in wanted):
+            if not is_moving:
                 return begin(checked_s)
             if not self._snapshot.is_airborne and self._snapshot.autopilot_problem:
                 raise Refused(self._snapshot.autopilot_problem)
             return self._start(request, begin, checked_s)
 
         loaded = executor.mission
-        circumstances = replace(self._circumstances(), fence=loaded.mission.fence if loaded is not None else None)
+        fence = loaded.mission.fence if loaded is not None else None
+        circumstances = replace(self._circumstances(), fence=fence)
         return self._checks.answer(request, text, "command", circumstances, judge, now_s)
 
     def _as_mission(self, body: RequestAction) -> str:

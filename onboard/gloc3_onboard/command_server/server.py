@@ -40,6 +40,7 @@ from gloc3.messages.envelope import CommandReply, CommandRequest, FunctionReply
 from gloc3.messages.preflight import PreflightReport
 from gloc3.messages.readiness import ReadSetup
 from gloc3.messages.vehicle import EmergencyDisarm
+from gloc3.network.rights import FLIGHTS
 from gloc3_onboard.command_server.authority import Authority, AuthorityPorts
 from gloc3_onboard.command_server.component_requests import Answered, ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
@@ -214,8 +215,9 @@ class RequestHandler:
     def _carry_out(self, request: CiRequest, now_s: float) -> CiReply | None:
         body: AnyBody = request.body
         if not isinstance(body, OPEN_TO_ALL):
-            self._authority.control.require(request.sender)
-        self._authority.second(request)
+            self._authority.require(request)
+        if not isinstance(body, FLIGHTS):  # these are checked first, and then known to have a geofence or none
+            self._authority.second(request)
         executor = self.missions.executor
         match body:
             case LoadMission():

@@ -96,7 +96,7 @@ class Site:
         self._home: KeptHome | None = None
         self.holder = ""
         """The station that held control when this was last kept."""
-        self.rights = Rights(platform.platform, lambda: 0.0)
+        self.rights = Rights(platform.platform)
         """Of the members of the network; everyone's, unless the assembly replaces them."""
 
     def load(self) -> tuple[Snapshot | None, KeptHome | None]:

@@ -9,6 +9,7 @@ __all__ = [
     "companion",
     "files",
     "landing_watchdog",
+    "link_rights",
     "link_watch",
     "parameter_table",
     "routing",

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from gloc3.clock import Clock
 from gloc3.exchange import Publisher
@@ -27,6 +27,17 @@ _KINDS: Final = 16
 """Orders of one number, one of each kind, count as several requests."""
 
 
+class ModemSettings(NamedTuple):
+    """Settings of the link."""
+
+    key: bytes | None = None
+    """Key of the link; None for none."""
+    member: str = ""
+    """Member of the network for whom the key stands; empty for none."""
+    period_s: float = PERIOD_S
+    """Period of the summaries."""
+
+
 class AcousticLink:
     """Sends a summary at most every `period_s`, and the receipts of orders; nothing else.
 
@@ -36,8 +47,7 @@ class AcousticLink:
         loop: the event loop.
         boot: random number of this start of the process.
         send: sends a frame by the modem.
-        key: key of the link, or None.
-        period_s: period of the summaries.
+        settings: settings of the link.
     """
 
     def __init__(
@@ -47,11 +57,11 @@ class AcousticLink:
         loop: asyncio.AbstractEventLoop,
         boot: int,
         send: Callable[[bytes], None],
-        key: bytes | None = None,
-        period_s: float = PERIOD_S,
+        settings: ModemSettings = ModemSettings(),  # noqa: B008 - immutable
     ) -> None:
-        self.code: Final = AcousticCode(platform, key)
-        self._platform, self._loop, self._send, self._period_s = platform, loop, send, period_s
+        self.code: Final = AcousticCode(platform, settings.key)
+        self._platform, self._loop, self._send = platform, loop, send
+        self._period_s, self._member = settings.period_s, settings.member
         self._publisher = Publisher(exchange, platform, "acoustic_link", boot)
         self._clock = Clock(loop)
         self._vehicle: VehicleSummary | None = None
@@ -72,7 +82,7 @@ class AcousticLink:
             "ci/reply": self._receive_reply,
         }
         self._undo = [exchange.subscribe(f"{platform}/{topic}", handle) for topic, handle in topics.items()]
-        self._timer = loop.call_later(period_s, self._transmit)
+        self._timer = loop.call_later(settings.period_s, self._transmit)
 
     def close(self) -> None:
         """Stops sending."""
@@ -97,7 +107,9 @@ class AcousticLink:
         elif order.number >= self._newest // _KINDS and sequence != self._newest:
             self._newest = sequence
             body = Emergency(verb=_VERBS[order.verb], author="an operator, by acoustic modem")
-            request = CiRequest(sender=SENDER, boot=_LIFE, sequence=sequence, body=body, way=SENDER)
+            request = CiRequest(
+                sender=SENDER, boot=_LIFE, sequence=sequence, body=body, way=SENDER, member=self._member
+            )
             self._publisher.publish(f"{self._platform}/ci/request", request, self._loop.time())
         elif sequence != self._newest:
             self._send(self.code.encode(Receipt(order.number, False)))

@@ -20,6 +20,8 @@ from gloc3.mavlink.services.interval import StreamScheduler
 from gloc3.mavlink.services.version import ProtocolCapability, Version, VersionServer, version_number
 from gloc3.messages.envelope import Event, Severity
 from gloc3.messages.summaries import StationHeard
+from gloc3.network.rights import Rights
+from gloc3.network.rights_file import Right
 from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.autopilot_reporter import computer_status
 from gloc3_onboard.companion.commands import Commands
@@ -60,6 +62,7 @@ FrameHandler = Callable[[Iterable[Frame]], None]
 class _Link(NamedTuple):
     send: Send
     is_to_stations: bool
+    member: str
 
 
 class Companion:
@@ -69,6 +72,7 @@ class Companion:
         own: its MAVLink address.
         platform: the platform file.
         context: shared context of the process.
+        rights: of the network's members.
         poll: reads the computer's vital signs.
         parameters: parameters of the onboard computer itself.
         accepts_plans: whether it takes over plans that stations send to the autopilot.
@@ -79,6 +83,7 @@ class Companion:
         own: Address,
         platform: Platform,
         context: HostContext,
+        rights: Rights,
         poll: Callable[[], Vitals] = Vitals,
         parameters: Sequence[OwnParameter] = (),
         *,
@@ -94,7 +99,7 @@ class Companion:
         self._contact_topic = f"{platform.platform}/ci/heard"
         self._event_topic = f"{platform.platform}/components/companion/event"
         self.reasons: Final = Reasons(self._publish)
-        self._requesting = PendingRequests(exchange, platform.platform, boot, self._loop.time, self._wake)
+        self._requesting = PendingRequests(exchange, platform.platform, boot, self._loop.time, rights, self._wake)
         self.control: Final = OperatorControl(self._requesting, self._send)
         self._requesting.acted = self.control.holds
         self.parameters: Final = CompanionParameters(
@@ -125,9 +130,15 @@ class Companion:
         self._reported_contact_s = float("-inf")
         self._wake()
 
-    def attach(self, send: Send, *, is_to_stations: bool = True) -> FrameHandler:
-        """Adds a link; returns a callable for frames received there."""
-        link = _Link(send, is_to_stations)
+    def attach(self, send: Send, *, is_to_stations: bool = True, member: str = "") -> FrameHandler:
+        """Adds a link; returns a callable for frames received there.
+
+        Args:
+            send: sends a message on the link.
+            is_to_stations: False for the autopilot's.
+            member: of the network, for whom the link's key stands.
+        """
+        link = _Link(send, is_to_stations, member)
         self._links.append(link)
         return lambda frames: self._receive_frames(link, frames)
 
@@ -135,7 +146,8 @@ class Companion:
         """Serves files over MAVLink FTP from now on."""
 
         def admits(sender: Address) -> bool:
-            return may_write() and self._requesting.control.holder in ("", str(sender.system))
+            is_free = self._requesting.control.holder in ("", str(sender.system))
+            return may_write() and is_free and self._requesting.may(sender.system, Right.FLY)
 
         server = FtpServer(self.own, files, admits=admits)
         self._node.add(server)
@@ -163,24 +175,25 @@ class Companion:
         is_new = False
         for frame in frames:
             if frame.message_id == self._heartbeat_id:
-                self._add_sender(frame)
+                self._add_sender(link, frame)
             elif frame.message_id in self._wanted:
                 is_new |= self._handle_frame(link, frame)
         if is_new:
             self._settle()
 
-    def _add_sender(self, frame: Frame) -> None:
+    def _add_sender(self, link: _Link, frame: Frame) -> None:
         """Registers the autopilot, and activity of the holder of control on MAVLink."""
         if frame.system == self.own.system:
             message = frame.decode()
             if message is not None and message.autopilot != AUTOPILOT_INVALID:
                 self._autopilots.add(frame.sender)
         if self.control.is_holder(frame.sender):
-            self._note_contact(frame.system)
+            self._note_contact(frame.system, link.member)
 
     def _handle_frame(self, link: _Link, frame: Frame) -> bool:
         """Whether a frame was for one of the services."""
         now_s = self._loop.time()
+        self._requesting.members[str(frame.system)] = link.member
         if link.is_to_stations and self.keeps(frame):
             message = frame.decode()
             if message is None or frame.sender == self.own:
@@ -194,7 +207,7 @@ class Companion:
             return False
         self._remember(frame.sender, link)
         if self.control.is_holder(frame.sender):
-            self._note_contact(frame.system)
+            self._note_contact(frame.system, link.member)
         return True
 
     def _remember(self, peer: Address, link: _Link) -> None:
@@ -203,11 +216,11 @@ class Companion:
         if len(self._peers) > MOST_PEERS:
             self._peers.popitem(last=False)
 
-    def _note_contact(self, system: int) -> None:
+    def _note_contact(self, system: int, member: str) -> None:
         now_s = self._loop.time()
         if now_s - self._reported_contact_s >= CONTACT_PERIOD_S:
             self._reported_contact_s = now_s
-            self._publisher.publish(self._contact_topic, StationHeard(station=str(system)), now_s)
+            self._publisher.publish(self._contact_topic, StationHeard(station=str(system), member=member), now_s)
 
     def _serves(self, sender: Address) -> bool:
         """Whether a sender is served; the autopilot is not, since the companion is its client."""

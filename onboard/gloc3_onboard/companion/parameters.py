@@ -23,9 +23,11 @@ from gloc3.mavlink.services.parameter_server import (
 )
 from gloc3.messages.command_interface import AnyBody, CallFunction, CiReply, CommandComponent, Outcome
 from gloc3.messages.envelope import CommandReply, CommandRequest, Envelope, FunctionReply, FunctionRequest
+from gloc3.network.rights import MEANINGS
+from gloc3.network.rights_file import Right
 from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.parameter_table import CompanionParameter, OwnParameter, exact, rows_of, setting_value
-from gloc3_onboard.companion.pending_requests import NotInControl, PendingRequests
+from gloc3_onboard.companion.pending_requests import PendingRequests
 
 MOST_AWAITED: Final = 64
 """Commands to components with a pending reply, which shows the adopted values."""
@@ -116,7 +118,9 @@ class CompanionParameters:
         row, system = self._rows[wanted.parameter.name], wanted.sender.system
         try:
             self._requesting.require(system)
-        except NotInControl as refusal:
+            if not row.component and not self._requesting.may(system, Right.MAINTAIN):
+                raise Refused(f"{MEANINGS[Right.MAINTAIN]} needs the role maintainer")
+        except Refused as refusal:
             self.refused += 1
             self._report(f"parameter {row.name} of station {system} refused: {refusal}")
             raise ParameterRefused(str(refusal), ParameterError.PERMISSION_DENIED) from None

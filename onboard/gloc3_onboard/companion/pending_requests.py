@@ -11,6 +11,8 @@ from gloc3.mavlink.message import Address
 from gloc3.messages.command_interface import AnyBody, CiReply, CiRequest, Control, ControlVerb, Outcome
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import ControlState, MissionSummary
+from gloc3.network.rights import Rights
+from gloc3.network.rights_file import Right
 
 ANSWER_S: Final = 15.0
 """Longer than the server itself waits for a component, or for a fence to be in the autopilot."""
@@ -40,6 +42,7 @@ class PendingRequests:
         platform: the platform's name.
         boot: random number of this start of the process.
         now_s: returns the time.
+        rights: of the network's members.
         changed: called after an answer, or a change of control or mission.
     """
 
@@ -49,6 +52,7 @@ class PendingRequests:
         platform: str,
         boot: int,
         now_s: Callable[[], float],
+        rights: Rights,
         changed: Callable[[], None] = lambda: None,
     ) -> None:
         self.control = ControlState(holder="")
@@ -57,6 +61,9 @@ class PendingRequests:
         """Latest summary of the loaded mission."""
         self.acted: Callable[[Address], None] = lambda _sender: None
         """Called with the sender of each command that needs control."""
+        self.members: Final[dict[str, str]] = {}
+        """Member of the network for whom each MAVLink system speaks: that of the link on which it was heard last."""
+        self._rights = rights
         self._platform, self._boot, self.now_s, self._changed = platform, boot, now_s, changed
         self._publisher = Publisher(exchange, platform, "companion", boot)
         self._sequence = 0
@@ -81,6 +88,10 @@ class PendingRequests:
         """
         if self.control.holder not in ("", str(system)):
             raise NotInControl(f"station {self.control.holder} holds control")
+
+    def may(self, system: int, right: Right) -> bool:
+        """Whether a system has a right, for what no request to the command interface is needed."""
+        return self._rights.may(self.members.get(str(system), ""), right)
 
     def act(self, sender: Address, body: AnyBody, then: Then) -> None:
         """Sends a request that needs control. While control is free, it is requested first, as other programs cannot.
@@ -120,7 +131,8 @@ class PendingRequests:
             raise Refused(f"busy: {MOST_OPEN} requests are waiting")
         self._sequence += 1
         now_s = self.now_s()
-        request = CiRequest(sender=sender, boot=self._boot, sequence=self._sequence, body=body)
+        member = self.members.get(sender, "")
+        request = CiRequest(sender=sender, boot=self._boot, sequence=self._sequence, body=body, member=member)
         self._open[sender, self._sequence] = _Open(then, now_s + ANSWER_S)
         self._publisher.publish(f"{self._platform}/ci/request", request, now_s)
 

@@ -120,8 +120,7 @@ class OtherProcesses:
             report(Severity.ERROR, f"{error}: other hosts are not reachable")
             return
         self._bridge.members = _members(member)
-        if inputs.rights is not None:
-            inputs.rights.adopt(member.rights, member.commanding)
+        inputs.rights.adopt(member.rights, member.commanding)
         report(Severity.NOTICE, f"{network} is reloaded: {counted(len(member.file.others), 'other member')}")
 
     def _forged(self, station: str, reason: str) -> None:

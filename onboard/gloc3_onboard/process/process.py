@@ -24,6 +24,7 @@ from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, load_platform
 from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
+from gloc3_onboard.companion.acoustic_link import ModemSettings
 from gloc3_onboard.hosts.host_process import HostOptions, run_host
 from gloc3_onboard.hosts.other_processes import OtherProcesses
 from gloc3_onboard.hosts.shared import SharedExchange, alone, check_member, open_shared
@@ -120,6 +121,7 @@ class OnboardProcess:
         self._rights = Rights(
             platform.platform,
             context.clock.utc_s,
+            context.clock.now_s,
             None if member is None else member.rights,
             [] if member is None else member.commanding,
         )
@@ -164,7 +166,9 @@ class OnboardProcess:
         for url in options.stations:
             await self._open(url, vehicle.attach_station(url), is_signed=options.signing_key is not None)
         if options.acoustic:
-            await self._open(options.acoustic, vehicle.attach_modem(key_of(options.acoustic)))
+            member = self._storage.member_of(options.acoustic, 0)
+            modem = vehicle.attach_modem(ModemSettings(key_of(options.acoustic), member))
+            await self._open(options.acoustic, modem)
         await self._loop.run_in_executor(None, self._computer.measure)
         storage = self._storage.open(lambda: vehicle.path.points_ned_m, self._sensors.rig, vehicle.parts)
         vehicle.share(self._storage.files(vehicle.companion.metadata.files))

@@ -10,7 +10,7 @@ import msgspec
 
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
-from gloc3.errors import UNREADABLE, Refused
+from gloc3.errors import UNREADABLE, Finding, InputError, Refused
 from gloc3.mavlink.services.files.ftp_files import Files
 from gloc3.mavlink.signing import MAY_BE_OFF, TICKS_PER_S, Signing, Stream, Streams, timestamp
 from gloc3.mavlink.signing_key import read_signing_key
@@ -145,10 +145,15 @@ class ProcessStorage:
         """The member of the network for whom the key of a link stands; empty for none.
 
         Raises:
-            InputError: a member's key cannot be read.
+            InputError: a member's key cannot be read, or is another's.
         """
         key, folder = self._key(url, number), find_platform(self._options.platform).parent
-        keys = {read_signing_key(folder / file): member for member, file in self._platform.members.items()}
+        keys = dict[bytes, str]()
+        for member, file in self._platform.members.items():
+            other = keys.setdefault(read_signing_key(folder / file), member)
+            if other != member:
+                message = f"{member} and {other} have the same key, so that nobody knows who signs"
+                raise InputError([Finding(file=str(folder / file), message=message, hint="give each member a key")])
         return "" if key is None else keys.get(key, "")
 
     def _key(self, url: str, number: int) -> bytes | None:

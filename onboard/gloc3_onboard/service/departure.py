@@ -11,6 +11,7 @@ from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.summaries import MissionSummary, VehicleSummary
 from gloc3.messages.vehicle import LandedState
 from gloc3.mission.model.states import ActionState
+from gloc3.network.rights import ITSELF
 from gloc3.platform.platform import Platform
 
 LAND: Final = "land"
@@ -80,6 +81,7 @@ class Departure:
             boot=self._boot,
             sequence=0,
             body=Emergency(verb=EmergencyVerb.LAND, author="service manager"),
+            member=ITSELF,
         )
         self._publisher.publish(f"{self._topic}request", request, self._loop.time())
         self._report(Severity.NOTICE, "the vehicle lands first; a second stop signal leaves it to its autopilot")

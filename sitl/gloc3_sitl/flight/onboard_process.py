@@ -11,10 +11,12 @@ from gloc3.component.context import HostContext
 from gloc3.exchange.tunnel.pacing import RADIO, LinkBudget
 from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, MemoryLink
 from gloc3.mission.model.model import Mission
+from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
 from gloc3.store import MemoryRecords
 from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
+from gloc3_onboard.companion.acoustic_link import ModemSettings
 from gloc3_onboard.companion.files import LOGS, Folders, LogFolder
 from gloc3_onboard.inputs import Attachment, Hosting, Sensors, Storage, VehicleInputs
 from gloc3_onboard.process.computer import SimulatedComputer
@@ -172,7 +174,16 @@ class FlightProcess:
             else PictureFolder(plan.out / "images", rig, context.clock.utc_offset),
         )
         """What outlives the process."""
-        self._inputs = VehicleInputs(platform=platform, context=context, terrain=open_terrain(plan.terrain))
+        clock = context.clock
+        self.rights: Final = Rights(platform.platform, clock.utc_s, clock.now_s)
+        """Of a network's members; all have all of them until a file is adopted."""
+        self._inputs = VehicleInputs(
+            platform=platform,
+            context=context,
+            rights=self.rights,
+            member_of=lambda _url, _number: plan.member,
+            terrain=open_terrain(plan.terrain),
+        )
         self.vehicle: VehicleSide
         """Its parts, in the life that is or was the last."""
         self.onboard: Onboard | None = None
@@ -189,7 +200,7 @@ class FlightProcess:
         for radio in links.further:
             self._open_station(radio)
         if plan.modem_period_s:
-            self._open(links.modem.b, vehicle.attach_modem(period_s=plan.modem_period_s))
+            self._open(links.modem.b, vehicle.attach_modem(ModemSettings(period_s=plan.modem_period_s)))
         if plan.out is not None:
             vehicle.share(Folders({LOGS: LogFolder(plan.out, is_writable=False)}))
         sensors = self._sensors()

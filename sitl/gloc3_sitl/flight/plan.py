@@ -44,6 +44,8 @@ class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):
     terrain: Path | None = None
     """Folder of terrain tiles that the onboard process has; None for none."""
     is_plain_gps: bool = False
+    member: str = ""
+    """Member of a network for whom the keys of the station's radios stand; empty for none."""
     has_station: bool = True
     """Whether it has its own station; a fleet shares one."""
     station_link: Conditions = STATION_RADIO

@@ -12,6 +12,7 @@ from gloc3.errors import InputError, Refused
 from gloc3.network.access import Accepted, MemberRole, grants
 from gloc3.network.file import read_network
 from gloc3.network.register import NETWORK_FILE, found, read_register
+from gloc3.network.rights_file import RIGHTS_FILE
 
 
 def network(*arguments: object) -> int:
@@ -28,7 +29,7 @@ def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_a
     assert "no member listens yet" in capsys.readouterr().err
     listen = ("--listen", "0.0.0.0:7447", "--reached-at", "192.168.1.10:7447")
     assert network("add", yard, "pelican.main", "--role", "platform", *listen) == 0
-    assert "network.yaml changed for alice" in capsys.readouterr().err
+    assert "the files changed for alice" in capsys.readouterr().err
     assert network("add", yard, "pelican.vision", "--role", "platform") == 0
     assert network("add", yard, "bob", "--role", "observer") == 0
     assert "changed for pelican.main, pelican.vision:" in capsys.readouterr().err
@@ -108,6 +109,35 @@ def test_keys_and_certificates_that_do_not_fit_or_are_open_to_others_are_refused
     shutil.copy(other.folder / "authority.pem", file.with_name("authority.pem"))
     with pytest.raises(InputError, match=r"authority\.pem has not signed this certificate"):
         read_network(file, NOW)
+
+
+def test_rights_are_checked_shown_and_copied_and_a_copy_that_is_missing_gives_nobody_everything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    yard = Yard(tmp_path / "yard")
+    assert network("rights", yard.folder) == 2
+    assert "every operator may command every platform" in capsys.readouterr().err
+    assert network("show", yard.folder / "pelican.main" / NETWORK_FILE) == 0
+    assert "rights: every operator may do everything" in capsys.readouterr().out
+    wrong = "rights: [{member: alice, role: pilot, of: [all]}]"
+    (yard.folder / RIGHTS_FILE).write_text(wrong)
+    assert network("rights", yard.folder) == 2
+    assert network("revoke", yard.folder, "bob") == 2, "nor is anything else written"
+    assert "rights.yaml:1:" in capsys.readouterr().err
+    (yard.folder / RIGHTS_FILE).write_text(wrong.replace("pilot", "operator, until: 2030-01-01"))
+    assert network("rights", yard.folder) == 0
+    told = capsys.readouterr()
+    assert "changed for pelican.main, pelican.vision: copy the folder there" in told.err
+    line = "  alice: operator until 2030-01-02 00:00 UTC; looking, holding control, flying and steering"
+    assert line in told.out
+    assert network("rights", yard.folder) == 0
+    assert "changed" not in capsys.readouterr().err
+    assert network("show", yard.folder / "pelican.main" / NETWORK_FILE) == 0
+    assert line in capsys.readouterr().out
+    assert yard.membership("alice").rights is None
+    (yard.folder / "pelican.main" / RIGHTS_FILE).unlink()
+    with pytest.raises(InputError, match=r"network\.yaml:\d+:\d+: rights\.yaml is not there"):
+        yard.membership("pelican.main")
 
 
 def test_no_role_may_say_what_is_anothers() -> None:

@@ -22,8 +22,8 @@ from gloc3.messages.command_interface import (
     Verb,
 )
 from gloc3.network.access import MemberRole
-from gloc3.network.rights import MemberRights, Rights
-from gloc3.network.rights_file import RIGHTS_FILE, RightsFile, read_rights
+from gloc3.network.rights import ITSELF, UNLIMITED, MemberRights, Rights
+from gloc3.network.rights_file import RIGHTS_FILE, Right, RightsFile, read_rights
 
 FILE = """\
 groups: {coast: [pelican, heron]}
@@ -73,8 +73,9 @@ class Yard:
 
     def __init__(self, folder: Path, text: str = FILE, platform: str = "pelican") -> None:
         self.utc_s = datetime(2026, 11, 28, 12, tzinfo=UTC).timestamp()
+        self.now_s = 1000.0
         self.file = self.read(folder, text)
-        self.rights = Rights(platform, lambda: self.utc_s, self.file, STATIONS)
+        self.rights = Rights(platform, lambda: self.utc_s, lambda: self.now_s, self.file, STATIONS)
 
     @staticmethod
     def read(folder: Path, text: str) -> RightsFile:
@@ -100,7 +101,7 @@ def test_each_role_may_what_its_row_says(tmp_path: Path) -> None:
 
 
 def test_without_a_file_everyone_has_all_rights_and_nobody_gives_roles() -> None:
-    rights = Rights("pelican", lambda: 0.0)
+    rights = Rights("pelican")
     for body in BODIES.values():
         rights.check("", body)
         assert rights.second("", body) == ""
@@ -150,13 +151,16 @@ def test_a_commander_gives_a_role_for_a_time_and_takes_it_back(tmp_path: Path) -
         rights.appoint("carol", "dora", "operator", 600.0) == "dora is operator of pelican until 2026-11-28 12:10 UTC"
     )
     assert yard.refusal("dora", BODIES["start"]) == ""
-    yard.utc_s += 600.0
+    yard.utc_s += 86_400.0  # somebody sets the clock
+    assert yard.refusal("dora", BODIES["start"]) == ""
+    yard.utc_s -= 86_400.0
+    yard.now_s += 600.0
     assert "dora is observer" in yard.refusal("dora", BODIES["start"])
     rights.appoint("carol", "dora", "operator", 600.0)
     assert rights.dismiss("dora") == "dora is observer of pelican again"
     assert yard.refusal("dora", BODIES["start"])
     rights.appoint("carol", "alice", "observer", 600.0)
-    assert "alice is observer until 2026-11-28 12:20 UTC by carol" in yard.refusal("alice", BODIES["start"])
+    assert "alice is observer until 2026-11-28 12:10 UTC by carol" in yard.refusal("alice", BODIES["start"])
     rights.dismiss("alice")
     assert yard.refusal("alice", BODIES["start"]) == ""
     for member, role, for_s, why in (
@@ -182,9 +186,37 @@ def test_what_is_configured_so_needs_two_persons(tmp_path: Path) -> None:
     assert yard.rights.second("carol", second) == "alice"
     with pytest.raises(Refused, match="noted for carol"):
         yard.rights.second("carol", second)
-    yard.utc_s += 30.0
+    yard.now_s += 30.0
     with pytest.raises(Refused, match="noted for alice"):
         yard.rights.second("alice", first)
+    yard.rights.appoint("carol", "alice", "observer", 60.0)
+    with pytest.raises(Refused, match="noted for carol"):  # alice has no right to it any more
+        yard.rights.second("carol", second)
+
+
+def test_one_person_can_always_stop_the_vehicle_and_no_limit_holds_the_vehicles_own_requests_up(tmp_path: Path) -> None:
+    for right in ("fly", "control"):
+        with pytest.raises(InputError, match=f"{right} cannot need two persons"):
+            Yard(tmp_path, FILE.replace("[terminate]", f"[{right}]"))
+    yard = Yard(tmp_path)
+    for body in BODIES.values():
+        assert yard.refusal(ITSELF, body) == ""
+
+
+def test_a_given_role_ends_with_the_role_of_its_giver(tmp_path: Path) -> None:
+    yard = Yard(tmp_path)
+    yard.rights.appoint("carol", "dora", "operator", 600.0)
+    yard.rights.adopt(yard.read(tmp_path, FILE.replace("carol, role: commander", "carol, role: operator")), STATIONS)
+    assert "dora is observer" in yard.refusal("dora", BODIES["start"])
+
+
+def test_the_autopilot_itself_is_for_those_whose_flying_has_no_limits(tmp_path: Path) -> None:
+    yard = Yard(tmp_path)
+    assert not any(yard.rights.may_alone(who, UNLIMITED) for who in STATIONS), "terminate needs two persons"
+    yard = Yard(tmp_path, FILE.replace("[terminate]", "[maintain]"))
+    free = {who for who in (*STATIONS, "") if yard.rights.may_alone(who, UNLIMITED)}
+    assert free == {"alice", "carol"}, "erin is limited to some capabilities"
+    assert not yard.rights.may_alone("mike", [Right.MAINTAIN])
 
 
 def test_the_screen_gets_what_a_member_may_and_why_not(tmp_path: Path) -> None:

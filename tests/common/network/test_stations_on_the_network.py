@@ -10,10 +10,22 @@ from msgspec.structs import replace
 from tests.common.exchange.middlewares import until
 from tests.common.network.yard import LONG, NOW, Yard, members_of
 
+from gloc3.clock import Clock
 from gloc3.exchange import LocalExchange, Publisher
-from gloc3.messages.command_interface import AnyBody, CiReply, CiRequest, Hello, Outcome, StationRole, Steer, Verb
+from gloc3.messages.command_interface import (
+    AnyBody,
+    CiReply,
+    CiRequest,
+    Emergency,
+    EmergencyVerb,
+    Hello,
+    Outcome,
+    StationRole,
+    Steer,
+    Verb,
+)
 from gloc3.messages.envelope import Envelope, Message, Severity, SignedMessage, Source
-from gloc3.messages.summaries import CiEvent, Health, Summary
+from gloc3.messages.summaries import CiEvent, ControlState, Health, StationHeard, Summary
 from gloc3.messages.teleoperation import VelocityDemand
 from gloc3.messages.topics import TopicTable
 from gloc3.messages.wire import type_name
@@ -44,6 +56,9 @@ class Server:
     def summarise(self) -> None:
         summary = Summary(table=0, health=Health.WORKING, lines=[])
         self._publisher.publish("pelican/ci/summary", summary, asyncio.get_running_loop().time())
+
+    def holds(self, station: str) -> None:
+        self._publisher.publish("pelican/ci/control", ControlState(holder=station), 0.0)
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
         self.used.append(envelope)
@@ -102,6 +117,9 @@ async def test_a_station_asks_commands_and_is_answered_under_its_own_name(tmp_pa
         assert {envelope.payload.member for envelope in server.used} == {"alice"}
         assert server.bridge.forgeries == {}
         await until(lambda: server.received.count("alice") >= 3)
+        server.holds("alice")
+        received = len(server.received)
+        await until(lambda: len(server.received) >= received + 3)
         part()
         await asyncio.sleep(0.3)
         received = len(server.received)
@@ -151,7 +169,10 @@ async def test_whoever_forwards_a_request_can_forge_change_redirect_and_delay_no
     data = good.payload.data.replace(b"start", b"abort")
     assert data != good.payload.data
     forged: dict[str, tuple[Envelope[Any], str]] = {
-        "not signed": (stranger.envelope("request/alice", start), "CiRequest is not a signed message"),
+        "not signed": (
+            stranger.envelope("request/alice", start),
+            "CiRequest is not a signed message: give the station the vehicle's version",
+        ),
         "another member's key": (
             stranger.signed("request/alice", start, stranger.signers["bob"]),
             "it is signed by bob/",
@@ -186,6 +207,42 @@ async def test_whoever_forwards_a_request_can_forge_change_redirect_and_delay_no
     assert server.used[-1].payload.objection == ""
     stranger.send("ask/alice", request("alice", 1, Hello()), until_s=0.0, boot=0)
     assert server.used[-1].payload.objection == ""
+    server.bridge.close()
+
+
+async def test_nobody_but_the_holder_of_control_keeps_up_its_contact(tmp_path: Path) -> None:
+    exchange, yard = LocalExchange(), Yard(tmp_path / "yard")
+    server, stranger = Server(exchange, yard), Stranger(exchange, yard)
+    exchange.declare_alive("stations/alice")
+    await until(lambda: len(server.received) >= 2)
+    server.holds("alice")
+    server.received.clear()
+    here, now_s = StationHeard(station="alice"), asyncio.get_running_loop().time()
+    for fields in ({"until_s": now_s - 0.1}, {"until_s": 0.0}, {"boot": SERVER - 1}, {"until_s": float("nan")}):
+        stranger.send("ask/alice", here, **fields)
+    stranger.send("ask/alice", here, "bob")
+    await asyncio.sleep(1.2)  # its token is still there
+    assert server.received == []
+    stranger.send("ask/alice", here)
+    assert server.received == ["alice"]
+    server.bridge.close()
+
+
+async def test_a_wrong_clock_of_the_station_stops_no_emergency_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Clock, "is_utc_right", lambda _: True)
+    exchange, yard = LocalExchange(), Yard(tmp_path / "yard")
+    server, stranger = Server(exchange, yard), Stranger(exchange, yard)
+    yesterday_s = NOW.timestamp() - 86_400.0
+    bodies: tuple[tuple[AnyBody, bool], ...] = (
+        (START, True),
+        (Emergency(verb=EmergencyVerb.HOLD), False),
+        (Emergency(verb=EmergencyVerb.LAND), True),
+    )
+    for sequence, (body, is_refused) in enumerate(bodies):
+        stranger.send("request/alice", request("alice", sequence, body), utc_s=yesterday_s)
+        assert ("set the station's clock" in server.used[-1].payload.objection) is is_refused, body
     server.bridge.close()
 
 

@@ -21,7 +21,7 @@ from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.topics import TopicTable
 from gloc3_groundstation.links import acoustic_route
 from gloc3_groundstation.links.acoustic_route import open_modem
-from gloc3_onboard.companion.acoustic_link import AcousticLink
+from gloc3_onboard.companion.acoustic_link import AcousticLink, ModemSettings
 
 pytestmark = pytest.mark.sockets
 
@@ -47,7 +47,7 @@ class Diver:
             self.frames.append(data)
             endpoint.send(data)
 
-        links.append(AcousticLink("heron", self.exchange, self._loop, 1, send, key, period_s=0.2))
+        links.append(AcousticLink("heron", self.exchange, self._loop, 1, send, ModemSettings(key, period_s=0.2)))
         self._publisher.publish("heron/ci/vehicle", VEHICLE, 0.0)
         self._publisher.publish("heron/ci/mission", MissionSummary(name="m", digest="d", state="running"), 0.0)
         try:

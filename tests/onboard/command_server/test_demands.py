@@ -19,7 +19,7 @@ class Desk:
         self.reported: list[str] = []
         authority = ControlAuthority()
         authority.handle("255", Control(verb=ControlVerb.REQUEST), 5.0, 0.0)
-        self.demands = Demands(authority, self._report, Rights("pelican", lambda: 0.0))
+        self.demands = Demands(authority, self._report, Rights("pelican"))
 
     def _report(self, severity: Severity, text: str, /, *, cause: str = "") -> None:
         assert severity is Severity.WARNING

@@ -105,7 +105,7 @@ class Desk:
         self.book = observing.book
         for row in self.platform.components:
             self.book.receive(ComponentStatus(name=row.name, kind=Kind.CONTROLLER, state=State.WORKING), 0.0)
-        self.rights = Rights("pelican", lambda: 0.0)
+        self.rights = Rights("pelican")
         authority = Authority("", self.report, self.rights)
         self.authority = authority.control
         site = Site(

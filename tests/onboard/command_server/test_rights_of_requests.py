@@ -113,10 +113,9 @@ def test_a_role_that_is_taken_from_the_holder_takes_control_from_it(ward: Ward) 
     assert ward.refusal("dora", Control(verb=ControlVerb.REQUEST)) == ""
     assert ward.authority.holder == "dora"
     assert ward.ask("carol", Control(verb=ControlVerb.DISMISS, station="dora")).reason == (
-        "dora is observer of pelican again; no station holds control"
+        "dora is observer of pelican again"
     )
-    assert ward.authority.holder == ""
-    assert "carol: dora is observer of pelican again; no station holds control" in ward.said
+    assert "carol: dora is observer of pelican again" in ward.said
 
 
 def test_two_persons_disarm_and_load_a_mission_without_a_fence(tmp_path: Path) -> None:
@@ -129,9 +128,15 @@ def test_two_persons_disarm_and_load_a_mission_without_a_fence(tmp_path: Path) -
     assert len(ward.handler.missions.disarms) == 1
     assert "two persons have requested Emergency: alice and carol" in ward.said
     assert ward.refusal("alice", Control(verb=ControlVerb.REQUEST)) == ""
-    assert "a mission without a geofence needs two persons" in ward.refusal("alice", FENCELESS)
+    assert "flying without a geofence needs two persons" in ward.refusal("alice", FENCELESS)
+    assert "no station holds" not in ward.refusal("carol", FENCELESS)
+    assert ward.handler.missions.executor.mission is None
+    assert ward.refusal("alice", FENCELESS) == ""  # carol, who does not hold control, has asked for the same
+    assert "two persons have requested LoadMission: carol and alice" in ward.said
+    assert "noted for alice" in ward.refusal(
+        "alice", RequestAction(capability="go_to", arguments={"position_m": [1, 1, 2]})
+    )
     assert ward.refusal("carol", Control(verb=ControlVerb.TAKE_OVER)) == ""
-    assert ward.refusal("carol", FENCELESS) == ""
     fenced = HOP.replace("frame: hold", "frame: hold\ngeofence: {polygon_m: [[-2, -2], [9, -2], [9, 9], [-2, 9]]}")
     request = CiRequest(sender="carol", member="carol", boot=8, sequence=0, body=LoadMission(name="x", text=fenced))
     assert ward.handler.handle(request, 0.0) is None  # it waits for its fence in the autopilot, not for a person

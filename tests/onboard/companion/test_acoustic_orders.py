@@ -14,7 +14,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.store import MemoryRecords
 from gloc3_groundstation.links.acoustic_route import AcousticRoute, ModemContext
 from gloc3_onboard.command_server.journal import Journal, answer
-from gloc3_onboard.companion.acoustic_link import ORDER_MOST_AGE_S, AcousticLink
+from gloc3_onboard.companion.acoustic_link import ORDER_MOST_AGE_S, AcousticLink, ModemSettings
 
 KEY = b"a key of the modem"
 NOW = int(VIRTUAL_EPOCH_S)
@@ -36,7 +36,7 @@ class Auv:
         self.receipts: list[Receipt] = []
         exchange, self._journal = LocalExchange(), Journal(records)
         self._replies = Publisher(exchange, "auv", "command_server", 1)
-        self.link = AcousticLink("auv", exchange, loop, next(_boots), self._received, KEY)
+        self.link = AcousticLink("auv", exchange, loop, next(_boots), self._received, ModemSettings(KEY, "alice"))
         exchange.subscribe("auv/ci/request", self._requested)
 
     def order(self, number: int, verb: AcousticVerb) -> Receipt | None:
@@ -54,6 +54,7 @@ class Auv:
         request = envelope.payload
         assert isinstance(request, CiRequest)
         assert isinstance(request.body, Emergency)
+        assert request.member == "alice"
         known = self._journal.begin(request)
         reply = known.reply
         if known.is_new:

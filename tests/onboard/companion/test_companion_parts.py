@@ -24,6 +24,7 @@ from gloc3.mission.formats import to_mission
 from gloc3.mission.formats.items import FenceArea
 from gloc3.mission.formats.items import ForeignPlan as PlanFile
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
+from gloc3.network.rights import Rights
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.companion.companion import MOST, PERIOD_S, Companion, Reasons
 from gloc3_onboard.companion.files import MemoryFiles
@@ -161,6 +162,7 @@ def test_whatever_is_sent_to_it_nothing_raises_and_it_still_answers() -> None:
         COMPANION,
         load_platform("pelican_rtk"),
         HostContext("pelican_rtk", LocalExchange(), Clock(loop), loop, TopicTable(), Random(1)),
+        Rights("pelican_rtk"),
     )
     companion.share(MemoryFiles({"file": b"content"}))
     sent: list[MavlinkMessage] = []

@@ -110,4 +110,4 @@ def test_a_radios_key_has_the_rights_of_its_member_and_every_refusal_names_who_m
             with program("station", "--headless", *radio, "--mission", "hop", "--take-over", folder=yard) as there:
                 assert there.end() == code, there.text
             if code:
-                assert "needs the role commander of pelican, and this link stands for no member" in there.text
+                assert "of pelican, and this link stands for no member" in there.text

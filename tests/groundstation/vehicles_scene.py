@@ -36,8 +36,11 @@ class Autopilot:
         self.is_on = True
         self._tick()
 
-    def report(self, name: str, **fields: Any) -> None:
-        self._send(self._encoder.encode(message(name, **fields)))
+    def report(self, name: str, *others: "Autopilot", **fields: Any) -> None:
+        """Sends a message; a router sends the same frame by the links of others, too."""
+        data = self._encoder.encode(message(name, **fields))
+        for autopilot in (self, *others):
+            autopilot._send(data)
 
     def _tick(self) -> None:
         self._loop.call_later(1.0, self._tick)

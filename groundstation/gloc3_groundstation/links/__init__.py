@@ -3,4 +3,4 @@
 Exactly one station heartbeat is sent on each link.
 """
 
-__all__ = ["acoustic_route", "forwarding", "link", "link_snapshot", "links", "network_route"]
+__all__ = ["acoustic_route", "forwarding", "link", "link_snapshot", "links", "network_route", "vehicle_wire"]

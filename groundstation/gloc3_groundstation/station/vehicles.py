@@ -19,6 +19,7 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.links.vehicle_wire import VehicleWire
 from gloc3_groundstation.services.machines import Wire
 from gloc3_groundstation.services.snapshot import FIRMWARES
 from gloc3_groundstation.station import fleet as reducers
@@ -88,6 +89,8 @@ class Vehicles:
         """Links and systems to the platform whose companion is received there."""
         self._names: dict[SenderKey, str] = {}
         """Vehicle on each route."""
+        self._wires: dict[SenderKey, VehicleWire] = {}
+        """The links to a vehicle as one, by the route on which it was first asked for."""
         self._radios: dict[int, Reading] = {}
         """What the radio of a link said last."""
         self._restarts: dict[SenderKey, float] = {}
@@ -96,8 +99,8 @@ class Vehicles:
         """Number and last time of requests to a vehicle for messages that it does not send by default."""
         self._timer = self._loop.call_later(POLL_PERIOD_S, self._poll)
 
-    def reach(self, name: str) -> tuple[Wire, Address]:
-        """Link and address of a vehicle's autopilot.
+    def reach(self, name: str) -> tuple[VehicleWire, Address]:
+        """The links to a vehicle as one, and the address of its autopilot.
 
         Raises:
             Refused: no link receives it.
@@ -106,7 +109,11 @@ class Vehicles:
         if key is None:
             hint = "--link udpin://0.0.0.0:14550 listens where autopilots and telemetry routers send"
             raise Refused(f"no link of this station hears the autopilot of {name}; {hint}")
-        return self._lines[key[0]].link, Address(key[1], key[2])
+        wire = next((self._wires[one] for one in self._routes(name) if one in self._wires), None)
+        if wire is None:
+            wire = self._wires[key] = VehicleWire()
+        wire.use(self._links_to(name))
+        return wire, Address(key[1], key[2])
 
     def best_links(self) -> list[tuple[str, VehicleListener]]:
         """URL and link of every PX4 or ArduPilot vehicle that is alive, by its best route; each link once."""
@@ -124,6 +131,8 @@ class Vehicles:
     def close(self) -> None:
         """Hears nothing more."""
         self._timer.cancel()
+        for wire in self._wires.values():
+            wire.use(())
         for line in self._lines.values():
             line.unlisten()
 
@@ -170,6 +179,8 @@ class Vehicles:
             for name, address in line.link.platforms():
                 self._platforms[number, address.system] = name
         self._station.change(self._settled)
+        for key, wire in self._wires.items():
+            wire.use(self._links_to(self._names[key]) if key in self._names else ())
         for name in dict.fromkeys(self._names.values()):
             known, best = self._station.fleet.get(name), self._route(name)
             if known is not None and best is not None:
@@ -243,8 +254,9 @@ class Vehicles:
 
     def _with_texts(self, fleet: Fleet, name: str, key: SenderKey, now_s: float) -> Fleet:
         """What an autopilot says, as events, unless a companion passes it on."""
-        routes = [route for route, owner in self._names.items() if owner == name]
-        texts = {route: self._watches[route].new_texts(now_s) for route in routes}[key]  # the others bring the same
+        texts = {route: self._watches[route].new_texts(now_s) for route in self._routes(name)}[
+            key
+        ]  # all bring the same
         known = fleet.get(name)
         if known is not None and (not known.has_companion or known.is_quiet_link(now_s)):
             for text in texts:
@@ -330,6 +342,10 @@ class Vehicles:
 
     def _route(self, name: str) -> SenderKey | None:
         """Best route to a vehicle: one with heartbeats, in the order in which the links were given."""
+        return next(iter(self._routes(name)), None)
+
+    def _routes(self, name: str) -> list[SenderKey]:
+        """All routes to a vehicle, the best one first."""
         routes = sorted(key for key, owner in self._names.items() if owner == name)
         now_s = self._station.now_s()
 
@@ -337,7 +353,11 @@ class Vehicles:
             age_s = now_s - self._watches[key].beat_s
             return (age_s >= MISSED_S) + (age_s >= BEATS_WITHIN_S)
 
-        return min(routes, key=silence, default=None)
+        return sorted(routes, key=silence)
+
+    def _links_to(self, name: str) -> list[Wire]:
+        """The links that lead to a vehicle, the best one first, each once."""
+        return list({number: self._lines[number].link for number, _, _ in self._routes(name)}.values())
 
     def _problems(self, name: str, key: SenderKey, now_s: float) -> list[VehicleProblem]:
         """What is wrong with one autopilot."""

@@ -34,7 +34,8 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
         assert (vehicle.mode, vehicle.is_armed, vehicle.battery_percent) == ("BRAKE", True, 64)
         assert (vehicle.landed, vehicle.heading_deg, vehicle.geo) == ("in_air", 90, (47.3977, 8.5456, 500.0))
         assert not bare.has_companion
-        assert scene.vehicles.reach("ardupilot-1") == (scene.links[0][1], Address(1, 1))
+        wire, address = scene.vehicles.reach("ardupilot-1")
+        assert (wire.best, address) == (scene.links[0][1], Address(1, 1))
         text = "is heard: ArduPilot quadrotor, system 1, without a GLOC3 companion: commanded through its autopilot"
         assert scene.texts() == [text]
         assert list(alerts.causes(scene.station.fleet, scene.station.now_s())) == []
@@ -110,7 +111,8 @@ def test_a_platform_gets_its_own_autopilot_and_no_bare_vehicle_is_shown_beside_i
         autopilot = scene.platform("heron").autopilot
         assert autopilot is not None
         assert (autopilot.firmware, autopilot.system, autopilot.link) == ("PX4", 1, "udpin://0.0.0.0:14550")
-        assert scene.vehicles.reach("heron") == (scene.links[0][1], Address(1, 1))
+        wire, address = scene.vehicles.reach("heron")
+        assert (wire.best, address) == (scene.links[0][1], Address(1, 1))
         tunnel.close()
 
     over(play)
@@ -148,8 +150,8 @@ def test_two_vehicles_of_one_system_id_on_two_links_are_told_and_each_is_reached
         Autopilot(scene.memories[1], PX4)
         await scene.pass_s(5.0)
         assert list(scene.station.fleet.platforms) == ["px4-1", "px4-1@2"]
-        assert scene.vehicles.reach("px4-1")[0] is scene.links[0][1]
-        assert scene.vehicles.reach("px4-1@2")[0] is scene.links[1][1]
+        assert scene.vehicles.reach("px4-1")[0].best is scene.links[0][1]
+        assert scene.vehicles.reach("px4-1@2")[0].best is scene.links[1][1]
         reported = alerts.update(Alerts(), scene.station.fleet, scene.station.now_s()).pending
         assert [(alert.platform, alert.what) for alert in reported] == [
             ("px4-1", "same system id"),
@@ -167,12 +169,34 @@ def test_one_vehicle_on_two_links_is_one_and_is_reached_by_the_one_that_is_left(
         first, second = (Autopilot(memory, PX4) for memory in scene.memories)
         await scene.pass_s(5.0)
         assert list(scene.station.fleet.platforms) == ["px4-1"]
-        assert scene.vehicles.reach("px4-1")[0] is scene.links[0][1]
+        assert scene.vehicles.reach("px4-1")[0].best is scene.links[0][1]
         first.is_on = False
         await scene.pass_s(6.0)
-        assert scene.vehicles.reach("px4-1")[0] is scene.links[1][1]
+        assert scene.vehicles.reach("px4-1")[0].best is scene.links[1][1]
         assert not scene.platform("px4-1").is_quiet_link(scene.station.now_s())
         assert second.is_on
+
+    over(play)
+
+
+def test_what_is_sent_by_one_link_is_answered_by_any_and_heard_once() -> None:
+    async def play(scene: Scene) -> None:
+        one, other = (Autopilot(memory, PX4) for memory in scene.memories)
+        await scene.pass_s(8.0)
+        wire, _ = scene.vehicles.reach("px4-1")
+        heard: list[str] = []
+        wire.listen(lambda frame: heard.append(frame.shape.name if frame.shape is not None else ""))
+        other.report("COMMAND_ACK", command=400)
+        await scene.pass_s(0.2)
+        assert heard.count("COMMAND_ACK") == 1
+        one.report("PARAM_VALUE", other, param_id="A")
+        one.report("PARAM_VALUE", other, param_id="A")
+        await scene.pass_s(0.2)
+        assert heard.count("PARAM_VALUE") == 2
+        one.is_on = False
+        await scene.pass_s(6.0)
+        assert wire.best is scene.links[1][1], "the link on which it is heard now"
+        assert scene.vehicles.reach("px4-1")[0] is wire, "what was loaded stays"
 
     over(play)
 

@@ -1,6 +1,7 @@
 """Commands to one autopilot: the newest of a kind replaces older ones, each is answered, and none is sent late."""
 
 import itertools
+from collections import deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
@@ -51,6 +52,8 @@ class CommandDesk:
         self._calls: dict[int, tuple[CommandCall, _Sent]] = {}
         self._again: dict[int, tuple[float, _Sent]] = {}
         """Commands that are sent again, each at its time."""
+        self._waiting: deque[tuple[int, _Sent]] = deque()
+        """Commands to outputs that wait for an older one of their kind."""
         self._refused: list[tuple[float, int, CommandCall, float]] = []
         self._answers: dict[int, CommandAnswer] = {}
 
@@ -88,14 +91,32 @@ class CommandDesk:
                 self._drop(older, "superseded by a later command")
         self._call(ticket, _Sent(command, target, now_s, now_s + patience_s), now_s)
 
+    def send_in_turn(self, ticket: int, command: MavCommand, target: Address | None, now_s: float) -> None:
+        """Sends a command after those of its kind that are under way: it concerns another output, and replaces none."""
+        if target is None:
+            self.put(ticket, CommandAnswer(False, NO_OWNER))
+            return
+        self._waiting.append((ticket, _Sent(command, target, now_s, now_s)))
+        self._send_waiting(now_s)
+
+    def _send_waiting(self, now_s: float) -> None:
+        busy = {sent.command.number for _, sent in self._calls.values()}
+        for ticket, sent in list(self._waiting):
+            if sent.command.number not in busy:
+                busy.add(sent.command.number)
+                self._waiting.remove((ticket, sent))
+                self._call(ticket, sent._replace(sent_s=now_s), now_s)
+
     def _call(self, ticket: int, sent: _Sent, now_s: float) -> None:
-        call = self._client.send_long(sent.target, sent.command.number, sent.command.parameters, now_s=now_s)
+        number, parameters, is_repeatable = sent.command
+        call = self._client.send_long(sent.target, number, parameters, now_s=now_s, is_repeatable=is_repeatable)
         self._calls[ticket] = (call, sent)
 
     def abandon(self, reason: str) -> None:
         """Sends nothing again."""
-        for ticket in (*self._calls, *self._again):
+        for ticket in (*self._calls, *self._again, *(ticket for ticket, _ in self._waiting)):
             self._drop(ticket, reason)
+        self._waiting.clear()
 
     def _drop(self, ticket: int, reason: str) -> None:
         if ticket in self._calls:
@@ -117,6 +138,7 @@ class CommandDesk:
                 self._again[ticket] = (now_s + AGAIN_S, sent)
             else:
                 self._refused.append((now_s + REASON_S, ticket, call, sent.sent_s))
+        self._send_waiting(now_s)
 
     def tick(self, now_s: float) -> None:
         """Makes further attempts, and completes refusals with the autopilot's status texts."""

@@ -26,6 +26,7 @@ from gloc3_onboard.autopilot.style import (
     MavCommand,
 )
 from gloc3_onboard.autopilot.vision import Spread, odometry_message, origin_message
+from gloc3_onboard.payload.outputs import OutputWrite, output_command
 from gloc3_onboard.sensors.devices import (
     AutopilotBehaviour,
     AutopilotSetpoint,
@@ -232,6 +233,23 @@ class AutopilotDevice:
             return self._link.style.take_off_command(height_m, ground_m)
 
         return self._command(make)
+
+    def send_output(self, write: OutputWrite) -> int:
+        """Commands a servo, gripper, relay or winch; commands of one kind are sent one after the other."""
+        ticket = self._link.commands.ticket()
+
+        def send() -> None:
+            desk = self._link.commands
+            try:
+                command = MavCommand(*output_command(write, self._link.style.style))
+            except Refused as refusal:
+                desk.put(ticket, CommandAnswer(False, str(refusal)))
+            else:
+                desk.send_in_turn(ticket, command, self._link.target, self._link.loop.time())
+            self._link.settle()
+
+        self._link.post(send)
+        return ticket
 
     def command_fence(self, areas: Sequence[FenceArea]) -> int:
         """Uploads a fence, reads it back and switches it on; without areas the autopilot's fence is cleared."""

@@ -70,6 +70,8 @@ class MavCommand(NamedTuple):
 
     number: int
     parameters: tuple[float, float, float, float, float, float, float]
+    is_repeatable: bool = True
+    """Whether it may be sent again if its answer stays away."""
 
 
 class MessageStream(NamedTuple):

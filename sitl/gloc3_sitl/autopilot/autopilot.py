@@ -22,7 +22,7 @@ from gloc3_sitl.autopilot.periods import OUTER_STEPS, STEP_S
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.plans import StoredPlans
 from gloc3_sitl.autopilot.sources import ardupilot_sources, px4_sources
-from gloc3_sitl.autopilot.surroundings import Nowhere, Surroundings
+from gloc3_sitl.autopilot.surroundings import Nowhere, SimulatedPayload, Surroundings
 from gloc3_sitl.autopilot.tuning import Tuning
 from gloc3_sitl.autopilot.vehicle_class import MULTIROTOR, AutopilotClass
 from gloc3_sitl.sensors.readings import (
@@ -95,6 +95,8 @@ class Autopilot:
         self.commander: Final = Commander(self.craft, style, Authorization(self.craft, request))
         self.calibration: Final = CalibrationRun(self.craft, lambda: self.commander.battery_share > 0.0)
         self.failsafes: Final = FailsafeMonitor(self.commander)
+        self.payload: Final = SimulatedPayload()
+        """What its commands have done to grippers, relays and winches."""
         self.servo_us: Final[dict[int, int]] = {}
         """Pulse lengths set from outside, by output number from 1."""
         self.parameters.on_change.append(self._parameter_changed)

@@ -1,5 +1,6 @@
 """Requests of the autopilot to its simulation: power, true state, injected failures."""
 
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Protocol
 
@@ -35,6 +36,20 @@ class FailureKind(IntEnum):
     GARBAGE = 3
     WRONG = 4
     DELAYED = 6
+
+
+@dataclass
+class SimulatedPayload:
+    """What is connected to the autopilot's outputs besides motors, and what it was commanded to."""
+
+    actuators: dict[int, float] = field(default_factory=dict)
+    """PX4's actuators of a set, -1 to 1, by number from 1."""
+    relays: dict[int, bool] = field(default_factory=dict)
+    """By instance from 0."""
+    grabs: bool | None = None
+    """Whether the gripper holds; None while it has not been commanded."""
+    line_m: float = 0.0
+    """Length of the winch's line that is out, or will be."""
 
 
 class Surroundings(Protocol):

@@ -76,8 +76,8 @@ def test_actions_on_the_ground(at_hand: tuple[Client, bool]) -> None:
         (action.transition_to_fixedwing, (), both("NO_VTOL_TRANSITION_SUPPORT", "NO_VTOL_TRANSITION_SUPPORT")),
         (action.set_current_speed, (2.0,), both("SUCCESS", "SUCCESS")),
         (action.set_current_speed, (-3.0,), both("COMMAND_DENIED", "COMMAND_DENIED")),
-        (action.set_actuator, (1, 1500.0), both("UNSUPPORTED", "FAILED")),
-        (action.set_actuator, (9, 1500.0), both("UNSUPPORTED", "SUCCESS")),
+        (action.set_actuator, (1, 1500.0), both("SUCCESS", "FAILED")),
+        (action.set_actuator, (9, 1500.0), both("SUCCESS", "SUCCESS")),
         (action.set_relay, (0, RelayCommand.ON), both("UNSUPPORTED", "FAILED")),
         (action.set_home, (False, LATITUDE_DEG, LONGITUDE_DEG, ALTITUDE_M), both("SUCCESS", "SUCCESS")),
         (action.set_home, (True, 0.0, 0.0, 0.0), both("SUCCESS", "SUCCESS")),
@@ -263,7 +263,7 @@ def test_what_there_is_not(at_hand: tuple[Client, bool]) -> None:
     found = outcome(client.plugin(Failure).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
     # mavsdk asks for SYS_FAILURE_EN first, and refuses by itself where the answer came in time.
     assert found in (("DISABLED", "DENIED") if is_px4 else ("UNSUPPORTED",))
-    assert outcome(client.plugin(Gripper).grab, 1) == "UNSUPPORTED"
+    assert outcome(client.plugin(Gripper).grab, 1) == both("UNSUPPORTED", "FAILED")[is_px4]
     assert outcome(client.plugin(Transponder).set_rate_transponder, 1.0) == both("UNKNOWN", "COMMAND_DENIED")[is_px4]
     assert outcome(client.plugin(Rtk).send_rtcm_data, RtcmData("AAAA")) == "SUCCESS"
     assert not client.plugin(Gimbal).gimbal_list().gimbals
@@ -279,6 +279,15 @@ def test_what_there_is_not(at_hand: tuple[Client, bool]) -> None:
         shell.subscribe_receive(lambda receive, _: reported.append(receive))
         shell.send("ver all", Device.SHELL)
         client.await_telemetry("position", lambda _: bool(reported))
+
+
+def test_a_gripper_that_a_parameter_enables(at_hand: tuple[Client, bool]) -> None:
+    client, is_px4 = at_hand
+    gripper, param = client.plugin(Gripper), client.plugin(Param)
+    enable = both("PD_GRIPPER_EN", "GRIP_ENABLE")[is_px4]
+    param.set_param_int(enable, 1)
+    assert [outcome(call, 1) for call in (gripper.release, gripper.grab)] == ["SUCCESS", "SUCCESS"]
+    param.set_param_int(enable, 0)
 
 
 def test_follow_me_is_configured_and_entered_in_px4_alone(at_hand: tuple[Client, bool]) -> None:

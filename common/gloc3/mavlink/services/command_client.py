@@ -71,7 +71,15 @@ class MavCommandClient(Microservice[CommandCall]):
         self._attempts = attempts
         self._calls: dict[tuple[Address, int], CommandCall] = {}
 
-    def send_long(self, target: Address, command: int, params: Sequence[float] = (), *, now_s: float) -> CommandCall:
+    def send_long(
+        self,
+        target: Address,
+        command: int,
+        params: Sequence[float] = (),
+        *,
+        now_s: float,
+        is_repeatable: bool = True,
+    ) -> CommandCall:
         """Sends a COMMAND_LONG.
 
         Args:
@@ -79,6 +87,7 @@ class MavCommandClient(Microservice[CommandCall]):
             command: MAV_CMD.
             params: up to seven; those left out are 0.
             now_s: now.
+            is_repeatable: whether it is sent again while its answer stays away; else it is waited for as long.
 
         Raises:
             Refused: this command to this target is still under way.
@@ -95,6 +104,7 @@ class MavCommandClient(Microservice[CommandCall]):
                 **values,
             ),
             now_s,
+            is_repeatable=is_repeatable,
         )
 
     def send_int(
@@ -177,12 +187,17 @@ class MavCommandClient(Microservice[CommandCall]):
         """When the next patience ends."""
         return min((call.deadline_s for call in self._calls.values()), default=None)
 
-    def _begin(self, target: Address, command: int, message: MavlinkMessage, now_s: float) -> CommandCall:
+    def _begin(
+        self, target: Address, command: int, message: MavlinkMessage, now_s: float, *, is_repeatable: bool = True
+    ) -> CommandCall:
         if (target, command) in self._calls:
             name = enum_name("MAV_CMD", command)
             raise Refused(f"{name} to {target.system}/{target.component} is still under way")
         call = self._calls[target, command] = CommandCall(target, command, message)
         self._attempt(call, now_s)
+        if not is_repeatable:
+            call.attempts = self._attempts
+            call.deadline_s = now_s + self._attempts * self._retry_s
         return call
 
     def _attempt(self, call: CommandCall, now_s: float) -> None:

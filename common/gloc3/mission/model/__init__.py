@@ -12,6 +12,7 @@ __all__ = [
     "messages",
     "model",
     "patterns",
+    "payload",
     "placement",
     "policy",
     "states",

@@ -5,6 +5,7 @@ from math import isfinite
 from typing import Final
 
 from gloc3.mavlink.services.command_server import MavCommandRequest
+from gloc3.messages.envelope import Severity
 from gloc3_sitl.autopilot.mavlink.calibration import VEHICLE_POSITION, Subject
 from gloc3_sitl.autopilot.mavlink.context import FrontContext
 from gloc3_sitl.autopilot.modes import Result
@@ -15,6 +16,9 @@ from gloc3_sitl.autopilot.verdict import ACCEPTED, RequestVerdict
 _UNSUPPORTED: Final = RequestVerdict(Result.UNSUPPORTED)
 _MOTORS: Final = 4
 _CHANNELS: Final = 16
+_RELAYS: Final = 6
+_RELATIVE_LENGTH, _WINCH_RATE = 1.0, 2.0
+"""WINCH_ACTIONS."""
 _TEST_S: Final = 3.0
 """Longest motor test of PX4."""
 _TO_BOOTLOADER: Final = 3.0
@@ -103,9 +107,53 @@ def _set_servo(context: FrontContext, request: MavCommandRequest) -> RequestVerd
 
 
 def _set_relay(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
-    """There are no relays: ArduPilot fails to set them, PX4 has no such command."""
-    del request
-    return _UNSUPPORTED if context.is_px4 else RequestVerdict(Result.FAILED, "relays are not supported")
+    """ArduPilot sets a relay that a parameter has set up; PX4 has no such command."""
+    if context.is_px4:
+        return _UNSUPPORTED
+    number, is_on = request.params[:2]
+    if number not in range(_RELAYS) or not context.autopilot.parameters[f"RELAY{int(number) + 1}_FUNCTION"]:
+        return RequestVerdict(Result.FAILED, "no such relay")
+    context.autopilot.payload.relays[int(number)] = bool(is_on)
+    return ACCEPTED
+
+
+def _set_actuator(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """PX4 accepts any, and moves its first set; a value that is no number leaves one as it is. ArduPilot has none."""
+    if not context.is_px4:
+        return _UNSUPPORTED
+    values, index = request.params[:6], request.params[6]
+    if index == 0.0:
+        moved = ((number, value) for number, value in enumerate(values, start=1) if isfinite(value))
+        context.autopilot.payload.actuators.update((number, min(max(value, -1.0), 1.0)) for number, value in moved)
+    return ACCEPTED
+
+
+def _grip(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """A gripper grabs or releases, where a parameter enables it."""
+    parameters = context.autopilot.parameters
+    action = request.params[1]
+    if not parameters["PD_GRIPPER_EN" if context.is_px4 else "GRIP_ENABLE"]:
+        return _UNSUPPORTED if context.is_px4 else RequestVerdict(Result.FAILED, "no gripper")
+    if action not in (0.0, 1.0):
+        return RequestVerdict(Result.DENIED if context.is_px4 else Result.FAILED, "a gripper grabs (1) or releases (0)")
+    context.autopilot.payload.grabs = action == 1.0
+    context.craft.send_text(Severity.INFO, f"Gripper load {'grabbed' if action else 'released'}")
+    return ACCEPTED
+
+
+def _winch(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
+    """ArduPilot's winch, where a parameter enables it: a length, or a rate, which is 0 to stop; PX4 has none."""
+    if context.is_px4:
+        return _UNSUPPORTED
+    _, action, length_m, rate_m_s, *_ = request.params
+    if not context.autopilot.parameters["WINCH_TYPE"]:
+        return RequestVerdict(Result.FAILED, "no winch")
+    if action == _RELATIVE_LENGTH and isfinite(length_m) and rate_m_s > 0.0:
+        context.autopilot.payload.line_m += length_m
+        return ACCEPTED
+    if action == _WINCH_RATE and rate_m_s == 0.0:
+        return ACCEPTED
+    return RequestVerdict(Result.FAILED, "this motion of the winch is not simulated")
 
 
 def _calibrate_compass(context: FrontContext, request: MavCommandRequest) -> RequestVerdict:
@@ -162,13 +210,16 @@ def _test_motor(context: FrontContext, request: MavCommandRequest) -> RequestVer
 SERVICE_HANDLERS: Final[Mapping[int, Callable[[FrontContext, MavCommandRequest], RequestVerdict]]] = {
     181: _set_relay,
     183: _set_servo,
+    187: _set_actuator,
     209: _test_motor,
+    211: _grip,
     241: _calibrate,
     246: _power,
     310: _test_actuator,
     420: _inject,
     _START_COMPASS: _calibrate_compass,
     _CANCEL_COMPASS: _calibrate_compass,
+    42600: _winch,
     VEHICLE_POSITION: _confirm_position,
 }
 """By MAV_CMD."""

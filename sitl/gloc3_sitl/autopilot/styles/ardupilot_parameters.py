@@ -64,6 +64,16 @@ TRANSMITTER: Final = (
 )
 """Those of the transmitter, the same for every vehicle; the embedded autopilot takes the sticks as they are."""
 
+PAYLOAD: Final = (
+    whole("GRIP_ENABLE", 0, 0, 1, "there is a gripper", kind=ParameterKind.INT8),
+    whole("WINCH_TYPE", 0, 0, 2, "there is a winch", kind=ParameterKind.INT8),
+    *(
+        whole(f"RELAY{number}_FUNCTION", 0, 0, 10, "1: a relay for commands", kind=ParameterKind.INT8)
+        for number in range(1, 7)
+    ),
+)
+"""Those of the payload, the same for every vehicle."""
+
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     # Identity and links
     whole("MAV_SYSID", 1, 1, 255, "MAVLink system id", kind=ParameterKind.INT16),
@@ -90,6 +100,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("FS_DR_ENABLE", 2, 0, 6, "dead reckoning action", kind=ParameterKind.INT8),
     whole("FS_DR_TIMEOUT", 30, 0, 120, "dead reckoning timeout, s", kind=ParameterKind.INT16),
     *TRANSMITTER,
+    *PAYLOAD,
     whole("ESC_CALIBRATION", 0, 0, 9, "3: the ESCs are calibrated at the next start", kind=ParameterKind.INT8),
     real("RC_FS_TIMEOUT", 1.0, 0.5, 10.0, "transmitter loss timeout, s", "pilot_timeout_s"),
     whole("BATT_MONITOR", 4, 0, 29, "battery monitor: voltage and current", kind=ParameterKind.INT8),

@@ -10,6 +10,7 @@ from gloc3_sitl.autopilot.modes import Behaviour, Mode
 from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, real, whole
 from gloc3_sitl.autopilot.styles.ardupilot import ARDUPILOT
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS as COPTER
+from gloc3_sitl.autopilot.styles.ardupilot_parameters import PAYLOAD
 from gloc3_sitl.autopilot.tuning import FailsafeAction, Tuning
 
 _STATION_LOST: Final[Mapping[int, FailsafeAction]] = {
@@ -54,6 +55,7 @@ _SHARED: Final = (
 
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     *(row for row in COPTER if row.name in _SHARED),
+    *PAYLOAD,
     whole("FRAME_CONFIG", 2, 0, 7, "frame: vectored with six degrees of freedom", kind=ParameterKind.INT8),
     # Arming and failsafes
     whole("ARMING_CHECK", 448, 0, 2**22, "arming checks: bits; 0 skips them"),

@@ -10,7 +10,7 @@ from typing import Final
 
 from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, real, whole
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS as COPTERS
-from gloc3_sitl.autopilot.styles.ardupilot_parameters import TRANSMITTER
+from gloc3_sitl.autopilot.styles.ardupilot_parameters import PAYLOAD, TRANSMITTER
 from gloc3_sitl.autopilot.tuning import Exempt, FailsafeAction, Tuning
 
 LONG: Final[Mapping[int, FailsafeAction]] = {
@@ -54,6 +54,7 @@ _ROWS: Final = {row.name: row for row in COPTERS}
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     *(replace(_ROWS[name], default=_OWN.get(name, _ROWS[name].default)) for name in _SHARED),
     *TRANSMITTER,
+    *PAYLOAD,
     # Arming and failsafes
     whole("ARMING_CHECK", 1, 0, 1048575, "0 skips the arming checks"),
     whole("ARMING_REQUIRE", 1, 0, 2, "arming is needed", kind=ParameterKind.INT8),

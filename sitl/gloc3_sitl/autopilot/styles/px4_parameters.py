@@ -167,6 +167,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     real("FLW_TGT_MAX_VEL", 5.0, 0.0, 20.0, "follow: speed around the target, m/s"),
     whole("FLW_TGT_ALT_M", 0, 0, 2, "follow: height over home, ground, target", "follow_height_over"),
     real("MC_ORBIT_RAD_MAX", 1000.0, 1.0, 10000.0, "largest orbit, m", "orbit_radius_m"),
+    whole("PD_GRIPPER_EN", 0, 0, 1, "there is a gripper"),
     whole("SDLOG_MODE", 0, -1, 4, "when to log"),
     whole("CAL_MAG0_ID", 197388, -2147483648, 2147483647, "magnetometer's device id"),
     whole("CAL_GYRO0_ID", 2490378, -2147483648, 2147483647, "gyro's device id"),

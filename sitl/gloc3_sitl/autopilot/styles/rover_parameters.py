@@ -10,7 +10,7 @@ from typing import Final
 
 from gloc3_sitl.autopilot.parameters import AutopilotParameter, ParameterKind, real, whole
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS as COPTERS
-from gloc3_sitl.autopilot.styles.ardupilot_parameters import TRANSMITTER
+from gloc3_sitl.autopilot.styles.ardupilot_parameters import PAYLOAD, TRANSMITTER
 from gloc3_sitl.autopilot.tuning import Exempt, FailsafeAction, Tuning
 
 _BOAT: Final = 2
@@ -50,6 +50,7 @@ _ROWS: Final = {row.name: row for row in COPTERS}
 PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     *(_ROWS[name] for name in _SHARED),
     *TRANSMITTER,
+    *PAYLOAD,
     whole("FRAME_CLASS", 1, 0, 3, "1 rover, 2 boat", kind=ParameterKind.INT8),
     whole("FRAME_TYPE", 0, 0, 5, "frame: skid steering", kind=ParameterKind.INT8),
     # Arming and failsafes

@@ -29,6 +29,7 @@ from gloc3_onboard.autopilot.link_reports import LinkReports
 from gloc3_onboard.command_server.site import Background, Site
 from gloc3_onboard.companion.acoustic_link import AcousticLink, ModemSettings
 from gloc3_onboard.companion.autopilot_reporter import AutopilotReporter
+from gloc3_onboard.companion.cameras import cameras_of
 from gloc3_onboard.companion.companion import Companion
 from gloc3_onboard.companion.landing_watchdog import LandingWatchdog
 from gloc3_onboard.companion.link_rights import LinkRights
@@ -151,7 +152,10 @@ class VehicleSide:
     def attach_autopilot(self) -> Attachment:
         """The link to the autopilot."""
         link = self.autopilot
-        listeners = link.receive_frames, self.companion.attach(link.send_message, is_to_stations=False)
+        listeners = (
+            link.receive_frames,
+            self.companion.attach(lambda message, _: link.send_message(message), is_to_stations=False),
+        )
         routed = self._route(self._autopilot_url, listeners, link.signed_only, None)
         self.parts.add("autopilot link", link, link.close)
         return self._attachment(routed, link.open)
@@ -280,6 +284,9 @@ class VehicleSide:
             storage.computer_start,
             Background(storage.log_store, storage.worker or ImmediateExecutor(), inputs.terrain),
         )
+        cameras = cameras_of(inputs.platform, sensors.rig.model, sensors.urls)
+        for address in self.companion.add_cameras(cameras, context.platform, context.exchange):
+            self._router.add_own(address)
         devices = {
             **sensors.devices,
             "rig": sensors.rig,

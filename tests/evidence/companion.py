@@ -84,7 +84,7 @@ def growth() -> dict[str, float]:
         companion.share(MemoryFiles({"file": bytes(1000)}))
         sent = [0]
 
-        def count(_message: Any) -> None:
+        def count(_message: Any, _component: int) -> None:
             sent[0] += 1
 
         receive, parser = companion.attach(count), Parser(is_datagram=True)

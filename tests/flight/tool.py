@@ -21,6 +21,8 @@ from gloc3.mavlink.services.plan import PlanItem
 from gloc3.mavlink.transport.memory import Conditions, MemoryLink
 
 COMPANION = Address(1, 191)
+CAMERAS = range(100, 106)
+"""Components of cameras."""
 PLACE = (39.5528, 2.6285)
 """Where the vehicle stands in the open world of `GEO_HOP`."""
 GEO_HOP = """
@@ -51,9 +53,11 @@ class Tool:
         self.runner = NodeRunner(MavlinkComponent(own, services), loop, self.link.a.send)
         self.link.a.on_data = self._take
         self._parser, theirs = Parser(is_datagram=True), Parser(is_datagram=True)
-        encoder = Encoder(*COMPANION)
+        encoders = {component: Encoder(COMPANION.system, component) for component in (COMPANION.component, *CAMERAS)}
+        self.senders: list[tuple[int, str]] = []
+        """Component and name of everything that came."""
         receive = flight.process.vehicle.companion.attach(
-            lambda reported: self.link.b.send(encoder.encode(reported)), member=member
+            lambda reported, component: self.link.b.send(encoders[component].encode(reported)), member=member
         )
 
         def handle(data: bytes) -> None:
@@ -116,7 +120,11 @@ class Tool:
         return [one for one in self.received if one.name == name]
 
     def _take(self, data: bytes) -> None:
-        self.received += [reported for frame in self._parser.receive(data) if (reported := frame.decode()) is not None]
+        for frame in self._parser.receive(data):
+            reported = frame.decode()
+            if reported is not None:
+                self.received.append(reported)
+                self.senders.append((frame.component, reported.name))
         self.runner.on_data(data)
 
 

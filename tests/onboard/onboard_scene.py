@@ -24,17 +24,18 @@ class Scene(NamedTuple):
 
 
 @contextmanager
-def vehicle(folder: Path, *arguments: str, style: str = "px4") -> Iterator[Scene]:
+def vehicle(folder: Path, *arguments: str, style: str = "px4", simulator: tuple[str, ...] = ()) -> Iterator[Scene]:
     """A simulated vehicle with an onboard computer, on open ground.
 
     Args:
         folder: of the run.
         arguments: more for the onboard process.
         style: of the autopilot.
+        simulator: more arguments for the simulator.
     """
     companion, station = free_ports(2, socket.SOCK_DGRAM)
     home = f"{LATITUDE_DEG},{LONGITUDE_DEG},{ALTITUDE_M},0"
-    simulate = ("--world", "open", "--home", home, "--autopilot", style)
+    simulate = ("--world", "open", "--home", home, "--autopilot", style, *simulator)
     links = ("--autopilot", f"udpin://127.0.0.1:{companion}", "--station", f"udpin://127.0.0.1:{station}")
     with ExitStack() as stack:
         sitl = stack.enter_context(

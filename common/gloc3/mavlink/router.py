@@ -139,7 +139,7 @@ class Router:
 
     def __init__(self, own: Address, restarted: Callable[[int], None] = lambda _: None) -> None:
         self.links: Final[list[RouterLink]] = []
-        self._own = own.system << 8 | own.component
+        self._own = {own.system << 8 | own.component}
         self._autopilot = own.system << 8 | AUTOPILOT
         self._restarted = restarted
         self._recent: dict[bytes, RouterLink] = {}
@@ -150,6 +150,10 @@ class Router:
         """When frames are discarded next."""
         self._changes = 0
         """Counts changes that invalidate cached routes."""
+
+    def add_own(self, address: Address) -> None:
+        """Adds an address of this process."""
+        self._own.add(address.system << 8 | address.component)
 
     def attach(self, name: str, send: Callable[[Sequence[Frame]], None]) -> RouterLink:
         """Adds a link."""
@@ -182,7 +186,7 @@ class Router:
         comprehensions: a function's own variables in them cost each of its calls.
         """
         raw, message_id, key = frame.raw, frame.message_id, frame.system << 8 | frame.component
-        if key == self._own or (self._before.get(raw) or self._recent.setdefault(raw, source)) is not source:
+        if key in self._own or (self._before.get(raw) or self._recent.setdefault(raw, source)) is not source:
             source.counts.returned += 1
             return ()
         if message_id == SETUP_SIGNING or (
@@ -214,7 +218,7 @@ class Router:
         self, source: RouterLink, key: int, system: int, component: int, now_s: float
     ) -> Sequence[RouterLink]:
         """Where something goes that has an address."""
-        if system << 8 | component == self._own:
+        if system << 8 | component in self._own:
             return ()
         there = [link for link in self.links if link is not source and link.has(system, component)]
         routes = [link for link in there if not _accepts(link, key, now_s)]

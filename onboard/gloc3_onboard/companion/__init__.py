@@ -6,6 +6,7 @@ Other ground stations use component 191; `routing` forwards MAVLink, `station_li
 __all__ = [
     "acoustic_link",
     "autopilot_reporter",
+    "cameras",
     "companion",
     "files",
     "landing_watchdog",

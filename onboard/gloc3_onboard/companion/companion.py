@@ -3,11 +3,12 @@
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from gloc3 import __version__
 from gloc3.component.context import HostContext
 from gloc3.exchange import Publisher
+from gloc3.exchange.base import Exchange
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Frame
 from gloc3.mavlink.message import Address, MavlinkMessage
@@ -24,6 +25,7 @@ from gloc3.network.rights import Rights
 from gloc3.network.rights_file import Right
 from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.autopilot_reporter import computer_status
+from gloc3_onboard.companion.cameras import CameraContext, CameraEntry, Cameras
 from gloc3_onboard.companion.commands import Commands
 from gloc3_onboard.companion.metadata import Metadata
 from gloc3_onboard.companion.operator_control import OperatorControl
@@ -55,8 +57,16 @@ CAPABILITIES: Final = (
     | ProtocolCapability.COMPONENT_ACCEPTS_GCS_CONTROL
 )
 
-Send = Callable[[MavlinkMessage], None]
+Send = Callable[[MavlinkMessage, int], None]
+"""Sends a message as a component of the vehicle."""
 FrameHandler = Callable[[Iterable[Frame]], None]
+
+
+class Scheduled(Protocol):
+    """A part that has something to do at a time."""
+
+    def next_tick_s(self) -> float | None:
+        """That time; None for never."""
 
 
 class _Link(NamedTuple):
@@ -77,6 +87,8 @@ class Companion:
         parameters: parameters of the onboard computer itself.
         accepts_plans: whether it takes over plans that stations send to the autopilot.
     """
+
+    _cameras: Cameras | None = None
 
     def __init__(
         self,
@@ -134,7 +146,7 @@ class Companion:
         """Adds a link; returns a callable for frames received there.
 
         Args:
-            send: sends a message on the link.
+            send: sends a message on the link, as a component.
             is_to_stations: False for the autopilot's.
             member: of the network, for whom the link's key stands.
         """
@@ -153,9 +165,20 @@ class Companion:
         self._node.add(server)
         self._wanted |= {codec.shape(name).id for name in server.handles}
 
+    def add_cameras(self, entries: Sequence[CameraEntry], platform: str, exchange: Exchange) -> list[Address]:
+        """Offers cameras as components of their own; returns their addresses."""
+        context = CameraContext(
+            self._inspect, self._boot_ms_at, self._clock.utc_offset, self._serves, self.reasons.report, self._wake
+        )
+        self._cameras = Cameras(self.own.system, entries, platform, exchange, self._requesting, context)
+        self._wake()
+        return [camera.own for camera in self._cameras.components]
+
     def close(self) -> None:
         """Stops sending."""
         self._is_closed = True
+        if self._cameras is not None:
+            self._cameras.close()
         self._requesting.close()
         self.parameters.close()
         if self._timer is not None:
@@ -199,16 +222,21 @@ class Companion:
             if message is None or frame.sender == self.own:
                 return False
             self.plans.server.receive(_to(message, self.own), frame.sender, now_s)
-        elif (
-            frame.target_system not in (0, self.own.system)
-            or frame.target_component not in (0, self.own.component)
-            or not self._node.receive(frame, now_s)
-        ):
+        elif frame.target_system not in (0, self.own.system) or not self._deliver(frame, now_s):
             return False
         self._remember(frame.sender, link)
         if self.control.is_holder(frame.sender):
             self._note_contact(frame.system, link.member)
         return True
+
+    def _deliver(self, frame: Frame, now_s: float) -> bool:
+        """Passes a frame to the components that it is for; returns whether one of their services handles it."""
+        target = frame.target_component
+        cameras = self._cameras.addressed(target) if self._cameras is not None else []
+        handled = [camera.receive(frame, now_s) for camera in cameras]
+        if target in (0, self.own.component):
+            handled.append(self._node.receive(frame, now_s))
+        return any(handled)
 
     def _remember(self, peer: Address, link: _Link) -> None:
         self._peers[peer] = link
@@ -251,26 +279,34 @@ class Companion:
             self._send(self._producers[number]())
         for message in self._node.outgoing():
             self._send(message)
-        services = (self._requesting, self._node, self.commands, self.plans, self.reasons)
+        services: list[Scheduled] = [self._requesting, self._node, self.commands, self.plans, self.reasons]
+        if self._cameras is not None:
+            services.append(self._cameras)
+            self._cameras.tick(now_s)
+            for component, message in self._cameras.outgoing():
+                self._send(message, component)
         next_s = earliest(*(service.next_tick_s() for service in services))
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None if next_s is None else self._loop.call_at(max(next_s, now_s), self._settle)
 
-    def _send(self, message: MavlinkMessage) -> None:
+    def _send(self, message: MavlinkMessage, component: int | None = None) -> None:
         """Sends to the target's link, if known; broadcasts, and messages for dropped peers, to all stations."""
         target_system = getattr(message, "target_system", 0)
         found = self._peers.get(Address(target_system, message.target_component)) if target_system else None
         for link in self._links if found is None else (found,):
             if found is not None or link.is_to_stations:
-                link.send(message)
+                link.send(message, self.own.component if component is None else component)
 
     def _publish(self, text: str) -> None:
         event = Event(severity=Severity.WARNING, text=text)
         self._publisher.publish(self._event_topic, event, self._loop.time())
 
     def _boot_ms(self) -> int:
-        return round((self._loop.time() - self._began_s) * 1e3) & 0xFFFF_FFFF
+        return self._boot_ms_at(self._loop.time())
+
+    def _boot_ms_at(self, t_s: float) -> int:
+        return round((t_s - self._began_s) * 1e3) & 0xFFFF_FFFF
 
 
 def _to(message: MavlinkMessage, target: Address) -> MavlinkMessage:

@@ -110,13 +110,14 @@ class StationLink:
         signing, budget, name = settings.signing, settings.budget, settings.name
         self._loop = loop
         self._role, self._route = settings.role, f"{name}, signed" if signing is not None else name
-        self._signing, self._member = signing, settings.member
+        self._signing, self._member, self._system = signing, settings.member, system_id
         self.signed_only: Final = None if signing is None else SignedOnly(signing, self._warn)
         """Accepts or rejects received frames; None without a key."""
         self._clock = Clock(loop)
         self._link: FrameLink | None = None
         own = Address(system_id, COMPANION)
-        self._encoder = Encoder(*own, signing)
+        self._encoders = {COMPANION: Encoder(*own, signing)}
+        """By component of the vehicle."""
         tunnel = TunnelEndpoint(TunnelRole.PLATFORM, platform, own, boot, topics, budget)
         self._exchange = MavlinkExchange(tunnel, loop, self.send)
         self._tunnel_id = codec.shape("TUNNEL").id
@@ -141,12 +142,15 @@ class StationLink:
         self._exchange.close()
         self._link = None
 
-    def send(self, message: MavlinkMessage) -> None:
-        """Sends one message as the companion."""
+    def send(self, message: MavlinkMessage, component: int = COMPANION) -> None:
+        """Sends one message as the companion, or as another component of this process."""
         if self._link is not None:
             if self._signing is not None:
                 self._signing.advance(timestamp(self._clock.utc_s()))
-            self._link.send(self._encoder.frame(message))
+            encoder = self._encoders.get(component)
+            if encoder is None:
+                encoder = self._encoders[component] = Encoder(self._system, component, self._signing)
+            self._link.send(encoder.frame(message))
 
     def receive_frames(self, frames: Iterable[Frame]) -> None:
         """Handles frames of the link, whose signatures have been verified."""

@@ -166,7 +166,7 @@ def test_whatever_is_sent_to_it_nothing_raises_and_it_still_answers() -> None:
     )
     companion.share(MemoryFiles({"file": b"content"}))
     sent: list[MavlinkMessage] = []
-    receive, parser, chance = companion.attach(sent.append), codec.Parser(), Random(1)
+    receive, parser, chance = companion.attach(lambda message, _: sent.append(message)), codec.Parser(), Random(1)
     shapes = [shape for number in sorted(companion._wanted) if (shape := codec.shape(codec.name_of(number)))]
     encoders = [codec.Encoder(system, 190) for system in (255, 254, 1)]
     commands = [17, 20, 21, 193, 224, 300, 400, 510, 511, 512, 520, 31010, 32100, 60000]

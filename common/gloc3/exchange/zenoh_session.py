@@ -1,12 +1,14 @@
 """Opens Zenoh sessions with explicit endpoints only: no scouting, and no implicit listeners.
 
-A node without connect endpoints is a router. The nodes that connect to it are peers, each in a region of its own, so
-that the router forwards their messages to each other; child processes are clients of their parent. Routers never
-connect to routers: this version of Zenoh loses routes when one of them dies.
+A node without connect endpoints is a router. The nodes that connect to it are peers, each in a region of its own below
+it, so that it forwards their messages to each other; child processes are clients of their parent. A node that connects
+and listens is both: so routers form a tree of any depth, in which each has one uplink. A node with two uplinks would get
+messages twice.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from hashlib import blake2s
 from pathlib import Path
 from threading import Event
@@ -53,7 +55,7 @@ class ZenohEndpoints(msgspec.Struct, frozen=True, kw_only=True):
     connect: tuple[str, ...] = ()
     """Nodes that need not be there yet, or any more: they are tried again and again."""
     accepts: tuple[str, ...] = ()
-    """The names of the nodes that may connect to this one; children need not be named."""
+    """The names of the nodes that may connect to this one, but for that which it connects to; children need no name."""
     is_child: bool = False
     """It connects to its parent process, which must be there."""
 
@@ -118,6 +120,30 @@ def new_session(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) ->
                 raise Gloc3Error(f"the network cannot be opened at {places}: {plain(error)}") from error
         tries_left -= 1
         pause.wait(TRY_S)
+
+
+@contextmanager
+def forwarding(
+    node: ZenohEndpoints, settings: Mapping[str, Any], changed: Callable[[str, bool], None] = lambda *_: None
+) -> Iterator[None]:
+    """A node that only forwards, for the duration of the block.
+
+    Args:
+        node: its endpoints.
+        settings: more of Zenoh's settings, by their paths.
+        changed: called in a thread of Zenoh's with the certificate's name, or else the address, of a node that has
+            connected (True) or left (False).
+
+    Raises:
+        Gloc3Error: an endpoint is in use or invalid.
+    """
+
+    def report(event: zenoh.LinkEvent) -> None:
+        changed(event.link.auth_identifier or str(event.link.dst), event.kind == zenoh.SampleKind.PUT)
+
+    with new_session(node, settings) as session:
+        session.info.declare_link_events_listener(report, history=True)
+        yield
 
 
 def plain(error: zenoh.ZError) -> str:

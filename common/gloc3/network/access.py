@@ -20,6 +20,8 @@ class MemberRole(StrEnum):
     """A station that may command."""
     OBSERVER = "observer"
     """A station that only reads."""
+    ROUTER = "router"
+    """A computer that forwards messages, and has none of its own."""
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -60,7 +62,10 @@ READABLE: Final = (
 )
 """What stations may read of a platform, below its name: topics and tokens."""
 SEEN_BY_PLATFORMS: Final = ("ci/summary", "ci/mission", "ci/control")
-"""What one platform may read of another."""
+"""What one platform may read of another, on a link between them."""
+REQUESTED: Final = ("ci/request/*", "ci/ask/*", "demand/*")
+"""What stations say to a platform, below its name, each on a key of its own."""
+STATIONS: Final = "stations/**"
 EVERYTHING: Final = "**"
 CHILDREN: Final = "children"
 
@@ -74,6 +79,14 @@ class AccessGrant(NamedTuple):
     keys: tuple[str, ...]
 
 
+def _below(platform: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{platform}/{name}" for name in names)
+
+
+FORWARDED: Final = (*_below("*", READABLE), *_below("*", REQUESTED), STATIONS)
+"""What routers say to each other."""
+
+
 def common_name(member: str, certificate: str) -> str:
     """The common name of a certificate."""
     return f"{member}/{certificate}"
@@ -81,6 +94,10 @@ def common_name(member: str, certificate: str) -> str:
 
 def grants(own: Accepted, other: Accepted) -> list[AccessGrant]:
     """Messages that a member permits between itself and another."""
+    if other.role is MemberRole.ROUTER:
+        return _links(from_other=_below_router(own), from_own=_above_router(own))
+    if own.role is MemberRole.ROUTER:
+        return _links(from_other=_above_router(other), from_own=_below_router(other))
     if own.role is MemberRole.PLATFORM and other.role is MemberRole.PLATFORM:
         return _peers(own, other) if own.platform != other.platform else _all((EVERYTHING,))
     if own.role is MemberRole.PLATFORM:
@@ -92,12 +109,43 @@ def grants(own: Accepted, other: Accepted) -> list[AccessGrant]:
         ]
     if other.role is MemberRole.PLATFORM:
         return [
-            AccessGrant("ingress", "say", (f"{other.platform}/**", "stations/**")),
+            AccessGrant("ingress", "say", (f"{other.platform}/**", STATIONS)),
             AccessGrant("ingress", "ask", (EVERYTHING,)),
             AccessGrant("egress", "say", spoken(own, other.platform)),
             AccessGrant("egress", "ask", (EVERYTHING,)),
         ]
     return []
+
+
+def _above_router(member: Accepted) -> tuple[str, ...]:
+    """What a member says to a router: its own, and a router what it has been told."""
+    if member.role is MemberRole.ROUTER:
+        return FORWARDED
+    return _below(member.platform, READABLE) if member.role is MemberRole.PLATFORM else spoken(member, "*")
+
+
+def _below_router(member: Accepted) -> tuple[str, ...]:
+    """What a router says to a member: to a platform what stations say to it, to a station what platforms report.
+
+    So that a router cannot pass for a part of the platform, it says to it nothing that this says itself.
+    """
+    match member.role:
+        case MemberRole.ROUTER:
+            return FORWARDED
+        case MemberRole.PLATFORM:
+            return (*_below(member.platform, REQUESTED), STATIONS)
+        case _:
+            return (*_below("*", READABLE), STATIONS)
+
+
+def _links(*, from_other: tuple[str, ...], from_own: tuple[str, ...]) -> list[AccessGrant]:
+    """On a link with a router."""
+    return [
+        AccessGrant("ingress", "say", from_other),
+        AccessGrant("ingress", "ask", (EVERYTHING,)),
+        AccessGrant("egress", "say", from_own),
+        AccessGrant("egress", "ask", (EVERYTHING,)),
+    ]
 
 
 def spoken(station: Accepted, platform: str) -> tuple[str, ...]:
@@ -175,7 +223,3 @@ def _peers(own: Accepted, other: Accepted) -> list[AccessGrant]:
         AccessGrant("egress", "say", _below(own.platform, SEEN_BY_PLATFORMS)),
         AccessGrant("egress", "ask", (EVERYTHING,)),
     ]
-
-
-def _below(platform: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"{platform}/{name}" for name in names)

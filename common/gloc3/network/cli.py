@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from collections.abc import Iterable, Sequence
 from datetime import timedelta
@@ -35,6 +36,7 @@ app = App(
     - `gloc3 network add yard bob --role observer`
     - copy the folder yard/pelican.main to that computer, yard/alice to hers, and so on
     - `gloc3 onboard pelican.yaml --host main --network pelican.main/network.yaml`
+    - `gloc3 network router coast/network.yaml`, on a computer that connects many members
     - `gloc3 network revoke yard bob`
     - `gloc3 network rights yard`, after yard/rights.yaml was written: who may what with which vehicle
 
@@ -44,6 +46,7 @@ app = App(
 )
 
 Days = Annotated[int, Parameter(help="How long the certificate is valid, in days.")]
+STATIONS = (MemberRole.OPERATOR, MemberRole.OBSERVER)
 AUTHORITY_DAYS = 3650
 MEMBER_DAYS = 365
 MOST_DAYS = 36500
@@ -82,13 +85,14 @@ def add(
 
     Args:
         folder: The network.
-        member: PLATFORM.HOST for a computer of a platform, a name without a dot for a station.
-        role: What it may do: platform, operator or observer.
+        member: PLATFORM.HOST for a computer of a platform, a name without a dot for a station or a router.
+        role: What it may do: platform, operator, observer or router.
         listen: HOST:PORT that it opens for others, or quic/HOST:PORT, over UDP, for links that lose packets; may be
             given again. The first host of a platform that listens is the one to which its other hosts and the stations
             connect.
         reached_at: HOST:PORT at which others reach it, if different (0.0.0.0, or behind a router).
-        to: The member that it connects to, if not the default; may be given again.
+        to: The member that it connects to, if not the default; may be given again. A member connects to one router at
+            most.
         days: How long its certificate is valid.
         renew: Give an existing member a new key and certificate; the old ones are no longer valid.
     """
@@ -139,13 +143,29 @@ def rights(folder: Path, /) -> int:
     file, warnings, changed = register.spread_rights(folder)
     current = register.read_register(folder).current()
     platforms = sorted({name.partition(".")[0] for name, one in current.items() if one.role is MemberRole.PLATFORM})
-    stations = [name for name, one in current.items() if one.role is not MemberRole.PLATFORM]
+    stations = [name for name, one in current.items() if one.role in STATIONS]
     for warning in warnings:
         narrate(str(warning), Severity.WARNING)
     for platform in platforms:
         sys.stdout.write("\n".join([platform, *_rights_lines(file, platform, stations)]) + "\n")
     _narrate(changed)
     return 2 if warnings else 0
+
+
+@app.command
+def router(file: Path, /) -> int:
+    """Forward messages between the members that connect to this router, and its uplink, until it is ended.
+
+    Add it with `gloc3 network add yard coast --role router --listen 10.0.0.5:7447`. Members added afterwards connect to
+    the first router; `--to` chooses another, also for routers, which form a tree. SIGHUP has it read its file again.
+
+    Args:
+        file: The router's network.yaml.
+    """
+    from gloc3.network.router import run_router
+
+    asyncio.run(run_router(file.expanduser()))
+    return 0
 
 
 @app.command
@@ -193,7 +213,7 @@ def _words(membership: Membership) -> list[str]:
         }
         lines += [f"  {texts[grant.flow, grant.speech]}: {', '.join(grant.keys)}" for grant in grants(own.own, other)]
     if membership.rights is not None:
-        stations = [other.member for other in own.others if other.role is not MemberRole.PLATFORM]
+        stations = [other.member for other in own.others if other.role in STATIONS]
         lines += ["rights:", *_rights_lines(membership.rights, own.own.platform, stations)]
     elif own.own.role is MemberRole.PLATFORM:
         lines.append("rights: every operator may do everything; there is no rights.yaml")

@@ -38,6 +38,8 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """`HOST:PORT` or `quic/HOST:PORT`, where others connect to this member."""
     connect: list[str] = []
     """Addresses, of the same form, of the members that this one connects to."""
+    uplinks: list[str] = []
+    """The members at those addresses: all others are below this one, and may connect to it."""
     rights: str = ""
     """The file with the members' rights; empty where there is none, and every operator may do everything."""
     accepts: list[Accepted]
@@ -78,7 +80,7 @@ class Membership(NamedTuple):
             name=file.member,
             listen=(*map(_endpoint, file.listen), *sockets),
             connect=tuple(map(_endpoint, file.connect)),
-            accepts=tuple(other.member for other in file.others),
+            accepts=tuple(other.member for other in file.others if other.member not in file.uplinks),
         )
 
     @property
@@ -167,6 +169,10 @@ def _findings(document: Document, file: NetworkFile) -> list[Finding]:
                         (where, index), problem, "write HOST:PORT, such as 192.168.1.10:7447, or quic/HOST:PORT"
                     )
                 )
+    for index, uplink in enumerate(file.uplinks):
+        if uplink not in names:
+            message = f"{uplink!r} is not among the accepted members"
+            found.append(document.finding(("uplinks", index), message, nearest(uplink, names)))
     if not file.listen and not file.connect:
         found.append(document.finding(("member",), "neither listens nor connects anywhere", "add listen or connect"))
     return found
@@ -180,7 +186,7 @@ def member_problem(member: str, role: MemberRole) -> str:
     if role is MemberRole.PLATFORM and len(parts) != 2:
         return f"{member!r} is not a host of a platform: write PLATFORM.HOST, such as {parts[0]}.main"
     if role is not MemberRole.PLATFORM and len(parts) != 1:
-        return f"{member!r} is not a station name: write it without a dot"
+        return f"{member!r} is not the name of a station or a router: write it without a dot"
     return ""
 
 

@@ -54,22 +54,35 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return Accepted(member=name, role=member.role, certificate=member.certificate)
 
     def connections(self, name: str) -> list[str]:
-        """Where a member connects to: a platform's other hosts to the one that listens, stations to all of these."""
-        member = self.members[name]
-        roots: dict[str, str] = {}
-        for host, each in self.current().items():
-            if each.role is MemberRole.PLATFORM and each.listen:
-                roots.setdefault(host.partition(".")[0], host)
-        if member.to:
-            targets = list(member.to)
-        elif member.role is MemberRole.PLATFORM:
-            targets = [root for root in [roots.get(name.partition(".")[0])] if root is not None and root != name]
-        else:
-            targets = list(roots.values())
+        """The addresses to which a member connects."""
         current = self.current()
-        return [
-            at for target in targets if target in current for at in current[target].reached_at or current[target].listen
-        ]
+        return [at for target in self.targets(name) for at in current[target].reached_at or current[target].listen]
+
+    def targets(self, name: str) -> list[str]:
+        """The members to which a member connects.
+
+        By default a platform's other hosts connect to its head, the first that listens or else the first, and everyone
+        else to the first router. Without routers, stations connect to the heads that listen.
+        """
+        member, current = self.members[name], self.current()
+        if member.to:
+            return [target for target in member.to if target in current]
+        routers = [host for host, each in current.items() if each.role is MemberRole.ROUTER]
+        heads: dict[str, str] = {}
+        hosts = [(host, each) for host, each in current.items() if each.role is MemberRole.PLATFORM]
+        for host, _ in sorted(hosts, key=lambda entry: not entry[1].listen):
+            heads.setdefault(host.partition(".")[0], host)
+        head = heads.get(name.partition(".")[0], name) if member.role is MemberRole.PLATFORM else name
+        if head != name:
+            return [head] if current[head].listen else []
+        if routers:
+            return [] if routers[0] == name else routers[:1]
+        return [] if member.role is MemberRole.PLATFORM else [each for each in heads.values() if current[each].listen]
+
+    def uplink(self, name: str) -> str:
+        """The router to which a member connects; empty for none."""
+        routers = [target for target in self.targets(name) if self.members[target].role is MemberRole.ROUTER]
+        return routers[0] if routers else ""
 
 
 def found(folder: Path, network: str, now: datetime, valid: timedelta) -> None:
@@ -115,12 +128,34 @@ def add(
     for target in member.to:
         if target not in register.current():
             raise Refused(f"there is no member {target!r}; {nearest(target, list(register.current()))}")
+    if member.role is MemberRole.ROUTER and not member.listen:
+        raise Refused("a router needs an address at which the others connect to it: --listen HOST:PORT")
+    trial = replace(register, members={**register.members, name: member})
+    if problem := _tree_problem(trial, name):
+        raise Refused(problem)
     hosts = [host_of(address) for address in (*member.listen, *member.reached_at)]
     (folder / name / KEY).unlink(missing_ok=True)
     number = issue(folder, folder / name, name, hosts, now, valid)
     entry = replace(member, certificate=number, until=f"{now + valid:%Y-%m-%d}")
     changed = replace(register, members={**register.members, name: entry})
     return _write(folder, changed)
+
+
+def _tree_problem(register: Register, name: str) -> str:
+    """Why a member's connections make no tree of the routers; empty where they do."""
+    targets = register.targets(name)
+    routers = [target for target in targets if register.members[target].role is MemberRole.ROUTER]
+    if len(routers) > 1:
+        return f"{name} would get messages twice: it may connect to one router, not to {' and '.join(routers)}"
+    if register.members[name].role is MemberRole.ROUTER and len(routers) < len(targets):
+        return f"the router {name} connects to another router, or to nothing"
+    seen, at = {name}, register.uplink(name)
+    while at:
+        if at in seen:
+            return f"{name} would be connected in a circle, by {at}"
+        seen.add(at)
+        at = register.uplink(at)
+    return ""
 
 
 def revoke(folder: Path, name: str) -> list[str]:
@@ -207,10 +242,11 @@ certificate: {CERTIFICATE}
 key: {KEY}
 authority: {AUTHORITY}
 
-# HOST:PORT that it opens for others, and those to which it connects; all of it is encrypted: TLS,
+# HOST:PORT that it opens for others, those to which it connects, and the members there; all of it is encrypted: TLS,
 # or quic/HOST:PORT over UDP, for links that lose packets.
 listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
+uplinks: [{", ".join(map(_quoted, register.targets(name)))}]
 {rights}
 # Who is accepted, in which role, with which certificate; everyone else is refused.
 # `gloc3 network show` shows the permissions. After a change: SIGHUP to the processes that use it.

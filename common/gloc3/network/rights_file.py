@@ -113,7 +113,7 @@ def read_rights(path: Path, members: Mapping[str, MemberRole]) -> ReadRights:
 
 def _findings(document: Document, file: RightsFile, members: Mapping[str, MemberRole]) -> list[Finding]:
     found = []
-    stations = [name for name, role in members.items() if role is not MemberRole.PLATFORM]
+    stations = [name for name, role in members.items() if role in (MemberRole.OPERATOR, MemberRole.OBSERVER)]
     platforms = {name.partition(".")[0] for name, role in members.items() if role is MemberRole.PLATFORM}
     for group, names in file.groups.items():
         if group in platforms or group == ALL:

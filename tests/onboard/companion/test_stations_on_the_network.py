@@ -111,3 +111,34 @@ def test_a_radios_key_has_the_rights_of_its_member_and_every_refusal_names_who_m
                 assert there.end() == code, there.text
             if code:
                 assert "of pelican, and this link stands for no member" in there.text
+
+
+def test_rights_hold_over_two_routers_which_are_processes_and_read_their_files_again(yard: Path) -> None:
+    root, coast = (f"127.0.0.1:{port}" for port in free_ports(2, socket.SOCK_STREAM))
+    made(yard, "network", "add", "yard", "root", "--role", "router", "--listen", root)
+    made(yard, "network", "add", "yard", "coast", "--role", "router", "--listen", coast)
+    for name in ("alice", "carol"):
+        made(yard, "network", "add", "yard", name, "--role", "operator", "--to", "coast", "--renew")
+    rights = "rights: [{member: alice, role: operator, of: [pelican], may: [land]}, {member: carol, role: operator, of: [all]}]"
+    (yard / "yard" / "rights.yaml").write_text(rights)
+    made(yard, "network", "rights", "yard")
+    with (
+        program("network", "router", "yard/root/network.yaml", folder=yard) as top,
+        program("network", "router", "yard/coast/network.yaml", folder=yard) as below,
+        vehicle(yard),
+    ):
+        top.await_line(lambda line: "router: pelican.main is connected" in line)
+        with station(yard, "alice", "--mission", "hop") as alice:
+            assert alice.end() == 4, alice.text
+        assert "alice may not use" in alice.text
+        with station(yard, "carol", "--mission", "hop") as carol:
+            assert carol.end() == 0, carol.text
+        below.await_line(lambda line: "router: carol has left" in line)
+        made(yard, "network", "revoke", "yard", "carol")
+        below.interrupt(signal.SIGHUP)
+        below.await_line(lambda line: "coast of yard listens at" in line and "for 4 members" in line)
+        with station(yard, "carol", "--mission", "hop", "--wait", "2") as again:
+            assert again.end() == 5, again.text
+        for router in (below, top):
+            router.interrupt()
+            assert router.end() == 0, router.text

@@ -2,7 +2,8 @@
 
 `file` reads a member's network file, `stations` bridges its stations' requests, `access` derives what each link permits,
 `authority` issues and writes certificates, `signatures` has members sign their requests, `rights` decides who may what with
-a vehicle by the roles in `rights_file`, `platform_clocks` follows the vehicles' clocks. `router` forwards between members.
+a vehicle by the roles in `rights_file`, `platform_clocks` follows the vehicles' clocks. `router` forwards between members, `enrolment`
+makes and reads requests for certificates.
 """
 
 __all__ = ["access", "authority", "file", "platform_clocks", "rights", "rights_file", "stations"]

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from gloc3.cli.counting import counted
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.network.access import common_name
 
@@ -23,6 +24,8 @@ KEY: Final = "key.pem"
 AUTHORITY: Final = "authority.pem"
 AUTHORITY_KEY: Final = "authority.key"
 NUMBER_DIGITS: Final = 8
+RENEWED_BEFORE: Final = timedelta(days=30)
+"""Certificates that expire within this time are reported, and renewed by default."""
 BACKDATED: Final = timedelta(days=1)
 """How long before their creation certificates are valid, for computers whose clocks are behind."""
 
@@ -41,14 +44,35 @@ def make_authority(folder: Path, network: str, now: datetime, valid: timedelta) 
     (folder / AUTHORITY).write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
 
 
-def issue(folder: Path, into: Path, member: str, hosts: Sequence[str], now: datetime, valid: timedelta) -> str:
-    """Creates a member's key and certificate.
+class CertificateSubject(NamedTuple):
+    """Whom a certificate is for."""
+
+    member: str
+    """Its name."""
+    hosts: Sequence[str]
+    """Its names and addresses."""
+    key: ec.EllipticCurvePublicKey
+
+
+def make_key(into: Path) -> ec.EllipticCurvePublicKey:
+    """Writes a new key into a member's folder; returns its public part.
+
+    Raises:
+        Refused: there is a key already.
+    """
+    key = ec.generate_private_key(ec.SECP256R1())
+    into.mkdir(mode=0o700, parents=True, exist_ok=True)
+    write_secret(into / KEY, _key_bytes(key))
+    return key.public_key()
+
+
+def issue(folder: Path, into: Path, subject: CertificateSubject, now: datetime, valid: timedelta) -> str:
+    """Creates a member's certificate.
 
     Args:
         folder: folder of the authority.
         into: output folder, also for the authority's certificate.
-        member: name of the member.
-        hosts: names and addresses of the member.
+        subject: whom it is for.
         now: the validity starts slightly earlier.
         valid: duration of the validity.
 
@@ -60,22 +84,21 @@ def issue(folder: Path, into: Path, member: str, hosts: Sequence[str], now: date
     """
     authority = read_certificate(folder / AUTHORITY)
     signer = read_key(folder / AUTHORITY_KEY)
-    key = ec.generate_private_key(ec.SECP256R1())
     serial = x509.random_serial_number()
     number = f"{serial:0{NUMBER_DIGITS}x}"[-NUMBER_DIGITS:]
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name(member, number))])
+    member = subject.member
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name(member, number))])
     certificate = (
-        _builder(subject, authority.subject, key.public_key(), serial, now, valid)
+        _builder(name, authority.subject, subject.key, serial, now, valid)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(is_authority=False), critical=True)
         .add_extension(
             x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]), critical=False
         )
-        .add_extension(x509.SubjectAlternativeName([_place(host) for host in (member, *hosts)]), critical=False)
+        .add_extension(x509.SubjectAlternativeName([_place(host) for host in (member, *subject.hosts)]), critical=False)
         .sign(signer, hashes.SHA256())
     )
     into.mkdir(mode=0o700, parents=True, exist_ok=True)
-    write_secret(into / KEY, _key_bytes(key))
     (into / CERTIFICATE).write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
     (into / AUTHORITY).write_bytes((folder / AUTHORITY).read_bytes())
     return number
@@ -123,7 +146,7 @@ def findings(certificate: Path, key: Path, authority: Path, wanted: str, now: da
                 Finding(
                     file=str(path),
                     message=f"it expired on {each.not_valid_after_utc:%Y-%m-%d}",
-                    hint="renew it: gloc3 network add --renew",
+                    hint="renew it: gloc3 network renew",
                 )
             )
         elif now < each.not_valid_before_utc:
@@ -135,6 +158,19 @@ def findings(certificate: Path, key: Path, authority: Path, wanted: str, now: da
                 )
             )
     return found
+
+
+def expiry(certificate: Path, now: datetime) -> str:
+    """A warning of a certificate that expires soon; empty where it does not.
+
+    Raises:
+        InputError: there is no certificate.
+    """
+    end = read_certificate(certificate).not_valid_after_utc
+    if end - now > RENEWED_BEFORE:
+        return ""
+    days = max((end - now).days, 0)
+    return f"{certificate} expires on {end:%Y-%m-%d}, in {counted(days, 'day')}: gloc3 network renew"
 
 
 def write_secret(path: Path, data: bytes) -> None:

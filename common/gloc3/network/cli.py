@@ -12,13 +12,15 @@ from typing import Annotated
 import msgspec
 from cyclopts import App, Parameter
 
+from gloc3.cli.counting import counted
 from gloc3.cli.narration import narrate
 from gloc3.clock import utc_now
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.network import register
 from gloc3.network.access import MemberRole, access_control, grants
-from gloc3.network.file import Membership, read_network
+from gloc3.network.enrolment import REQUEST, fingerprint, make_request, read_request
+from gloc3.network.file import Membership, member_problem, read_network
 from gloc3.network.rights import MEANINGS, Rights
 from gloc3.network.rights_file import Right, RightsFile
 
@@ -34,7 +36,8 @@ app = App(
     - `gloc3 network add yard pelican.vision --role platform`
     - `gloc3 network add yard alice --role operator`
     - `gloc3 network add yard bob --role observer`
-    - copy the folder yard/pelican.main to that computer, yard/alice to hers, and so on
+    - copy the folder yard/pelican.main to that computer, yard/alice to hers, and so on (`gloc3 network request` first, and
+      no key is copied)
     - `gloc3 onboard pelican.yaml --host main --network pelican.main/network.yaml`
     - `gloc3 network router coast/network.yaml`, on a computer that connects many members
     - `gloc3 network revoke yard bob`
@@ -80,6 +83,7 @@ def add(
     to: Annotated[list[str] | None, Parameter(negative=())] = None,
     days: Days = MEMBER_DAYS,
     renew: Annotated[bool, Parameter(negative=())] = False,
+    request: Path | None = None,
 ) -> int:
     """Add a member: make its folder with key, certificate and network file, and rewrite the others' files.
 
@@ -95,17 +99,69 @@ def add(
             most.
         days: How long its certificate is valid.
         renew: Give an existing member a new key and certificate; the old ones are no longer valid.
+        request: The member's request, from `gloc3 network request`: its key stays on its own computer.
     """
     folder = folder.expanduser()
     entry = register.NetworkMember(
         role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
     )
     _check(days)
-    changed = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew)
+    key = None if request is None else read_request(request.expanduser(), member)
+    changed = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew, key=key)
     narrate(f"{folder / member} is for {member} only; its certificate is valid for {days} days")
+    if key is not None:
+        narrate(f"fingerprint of the key: {fingerprint(key)}; it has to be the one that {member} reads out")
     if not entry.listen and not register.read_register(folder).connections(member):
         narrate(f"no member listens yet for {member} to connect to: add a platform with --listen")
     _narrate(name for name in changed if name != member)
+    return 0
+
+
+@app.command
+def request(folder: Path, member: str, /) -> int:
+    """Make a member's key on its own computer, and a request to add it: no key is ever copied.
+
+    Send FOLDER/request.pem to the person with the network's authority, who adds it: `gloc3 network add yard alice --role
+    operator --request request.pem`. Compare the fingerprints by voice. Then copy the files in yard/alice to FOLDER.
+
+    Args:
+        folder: Where the key is, or is to be.
+        member: PLATFORM.HOST, or a name without a dot.
+    """
+    folder = folder.expanduser()
+    role = MemberRole.PLATFORM if "." in member else MemberRole.OPERATOR
+    if problem := member_problem(member, role):
+        raise Refused(problem)
+    digits = make_request(folder, member)
+    narrate(f"{folder / REQUEST} can be sent openly; fingerprint of the key: {digits}")
+    return 0
+
+
+@app.command
+def renew(
+    folder: Path,
+    members: Annotated[list[str] | None, Parameter(negative=())] = None,
+    /,
+    *,
+    days: Days = MEMBER_DAYS,
+    within: int = 30,
+) -> int:
+    """Renew certificates, with the same roles and addresses; keys on the members' own computers stay as they are.
+
+    Args:
+        folder: The network.
+        members: The members; all whose certificates expire soon if left out.
+        days: How long the certificates are valid.
+        within: Without members: renew what expires within so many days.
+    """
+    folder = folder.expanduser()
+    _check(days)
+    names = members or register.expiring(folder, utc_now(), timedelta(days=within))
+    changed: list[str] = []
+    for name in names:
+        changed += register.renew(folder, name, utc_now(), timedelta(days=days))
+    narrate(f"renewed: {', '.join(names)}" if names else f"nothing expires within {counted(within, 'day')}")
+    _narrate(dict.fromkeys(changed))
     return 0
 
 
@@ -175,7 +231,7 @@ def check(file: Path, /) -> int:
     Args:
         file: A member's network.yaml.
     """
-    membership = read_network(file.expanduser(), utc_now())
+    membership = _read(file)
     narrate(f"{file} is valid: {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
     return 0
 
@@ -188,7 +244,7 @@ def show(file: Path, /, *, json: Annotated[bool, Parameter(negative=())] = False
         file: A member's network.yaml.
         json: Print the rules given to Zenoh.
     """
-    membership = read_network(file.expanduser(), utc_now())
+    membership = _read(file)
     own = membership.file
     if json:
         rules = msgspec.json.format(msgspec.json.encode(access_control(own.own, own.others)), indent=2)
@@ -196,6 +252,14 @@ def show(file: Path, /, *, json: Annotated[bool, Parameter(negative=())] = False
     else:
         sys.stdout.write("\n".join(_words(membership)) + "\n")
     return 0
+
+
+def _read(file: Path) -> Membership:
+    """A network file; warns of a certificate that expires soon."""
+    membership = read_network(file.expanduser(), utc_now())
+    if warning := membership.expiry(utc_now()):
+        narrate(warning, Severity.WARNING)
+    return membership
 
 
 def _words(membership: Membership) -> list[str]:

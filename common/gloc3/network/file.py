@@ -15,8 +15,8 @@ from gloc3.documents.schema import check
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.exchange.zenoh_session import QUIC, ZenohEndpoints
 from gloc3.network.access import Accepted, MemberRole, access_control, size_limits
+from gloc3.network.authority import expiry, read_certificate, read_key
 from gloc3.network.authority import findings as certificate_findings
-from gloc3.network.authority import read_certificate, read_key
 from gloc3.network.rights_file import RightsFile, read_rights
 from gloc3.network.signatures import FileKey, RequestSigner, RequestVerifier
 
@@ -82,6 +82,10 @@ class Membership(NamedTuple):
             connect=tuple(map(_endpoint, file.connect)),
             accepts=tuple(other.member for other in file.others if other.member not in file.uplinks),
         )
+
+    def expiry(self, now: datetime) -> str:
+        """A warning of a certificate that expires soon; empty where it does not."""
+        return expiry(self.path.parent / self.file.certificate, now)
 
     @property
     def commanding(self) -> list[str]:

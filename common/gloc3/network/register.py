@@ -7,12 +7,22 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
+from cryptography.hazmat.primitives.asymmetric import ec
 from msgspec.structs import replace
 
 from gloc3.documents.document import dump, load
 from gloc3.errors import Finding, Refused, nearest
 from gloc3.network.access import Accepted, MemberRole, grants
-from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, issue, make_authority
+from gloc3.network.authority import (
+    AUTHORITY,
+    CERTIFICATE,
+    KEY,
+    CertificateSubject,
+    issue,
+    make_authority,
+    make_key,
+    read_certificate,
+)
 from gloc3.network.file import address_problem, host_of, member_problem
 from gloc3.network.rights_file import RIGHTS_FILE, RightsFile, read_rights
 from gloc3.store import replace_file
@@ -108,9 +118,25 @@ def read_register(folder: Path) -> Register:
 
 
 def add(
-    folder: Path, name: str, member: NetworkMember, now: datetime, valid: timedelta, *, is_renewed: bool
+    folder: Path,
+    name: str,
+    member: NetworkMember,
+    now: datetime,
+    valid: timedelta,
+    *,
+    is_renewed: bool,
+    key: ec.EllipticCurvePublicKey | None = None,
 ) -> list[str]:
-    """Adds a member with a new key and certificate, and rewrites all network files.
+    """Adds a member with a certificate, and rewrites all network files.
+
+    Args:
+        folder: the network.
+        name: the member's name.
+        member: its role and addresses.
+        now: the validity starts then.
+        valid: duration of the validity.
+        is_renewed: whether it may be a member already, whose certificate is replaced.
+        key: its public key; None to make a key in its folder here.
 
     Returns:
         The members whose files have changed, including itself.
@@ -135,10 +161,50 @@ def add(
         raise Refused(problem)
     hosts = [host_of(address) for address in (*member.listen, *member.reached_at)]
     (folder / name / KEY).unlink(missing_ok=True)
-    number = issue(folder, folder / name, name, hosts, now, valid)
+    public = key or make_key(folder / name)
+    number = issue(folder, folder / name, CertificateSubject(name, hosts, public), now, valid)
     entry = replace(member, certificate=number, until=f"{now + valid:%Y-%m-%d}")
     changed = replace(register, members={**register.members, name: entry})
     return _write(folder, changed)
+
+
+def renew(
+    folder: Path, name: str, now: datetime, valid: timedelta, key: ec.EllipticCurvePublicKey | None = None
+) -> list[str]:
+    """Gives a member a new certificate, with the same role and addresses, and rewrites all network files.
+
+    Args:
+        folder: the network.
+        name: the member's name.
+        now: the validity starts then.
+        valid: duration of the validity.
+        key: its new public key; None for a new key in its folder here, or for the same one where its key is not here.
+
+    Returns:
+        The members whose files have changed, including itself.
+
+    Raises:
+        Refused: there is no such member.
+        InputError: the register or the authority cannot be used.
+    """
+    member = read_register(folder).current().get(name)
+    if member is None:
+        raise Refused(f"there is no member {name!r}; {nearest(name, list(read_register(folder).current()))}")
+    if key is None and not (folder / name / KEY).exists():
+        present = read_certificate(folder / name / CERTIFICATE).public_key()
+        assert isinstance(present, ec.EllipticCurvePublicKey)
+        key = present
+    return add(folder, name, member, now, valid, is_renewed=True, key=key)
+
+
+def expiring(folder: Path, now: datetime, within: timedelta) -> list[str]:
+    """The members whose certificates expire soon.
+
+    Raises:
+        InputError: the register or a certificate cannot be read.
+    """
+    ends = {name: folder / name / CERTIFICATE for name in read_register(folder).current()}
+    return [name for name, path in ends.items() if read_certificate(path).not_valid_after_utc - now <= within]
 
 
 def _tree_problem(register: Register, name: str) -> str:

@@ -58,6 +58,8 @@ async def run_router(file: Path) -> None:
         with forwarding(membership.node(), membership.settings(), changed):
             where, uplink = ", ".join(own.listen), "".join(f", uplink {name}" for name in own.uplinks)
             count = counted(len(own.others), "member")
+            if warning := membership.expiry(utc_now()):
+                narrate(f"router: {warning}", Severity.WARNING)
             narrate(f"router: {own.member} of {own.network} listens at {where} for {count}{uplink}")
             while await reload.wait() and not ends.is_set():
                 try:

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
+from gloc3.clock import utc_now
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages.command_interface import StationRole
 from gloc3.messages.envelope import Envelope
@@ -58,6 +59,8 @@ class NetworkRoute:
 
         self._now_s = loop.time
         membership = self._membership
+        if warning := membership.expiry(utc_now()):
+            self._reported(warning)
         route = self._routes.open(StationRoute(OWN_NETWORK, self._age_s))
         self._stack.callback(self._routes.close, route)
         network = self._stack.enter_context(

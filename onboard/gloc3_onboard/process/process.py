@@ -64,6 +64,8 @@ async def run(options: ProcessOptions) -> int:
     host = choose_host(platform, options.host)
     member = None if options.network is None else read_network(options.network, utc_now())
     check_member(platform, host, member)
+    if member is not None and (warning := member.expiry(utc_now())):
+        narrate(f"onboard: {warning}", Severity.WARNING)
     opened = partial(
         open_shared, platform, host, options.folder(platform), loop, partial(_report_failure, options), member
     )

@@ -1,15 +1,19 @@
 """`gloc3 network`: what it writes, and what it says of files that are wrong."""
 
+import re
 import shutil
 from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
 from tests.common.network.yard import LONG, NOW, Yard
 
 from gloc3.cli.program import run
 from gloc3.errors import InputError, Refused
 from gloc3.network.access import Accepted, MemberRole, grants
+from gloc3.network.enrolment import make_request, read_request
 from gloc3.network.file import read_network
 from gloc3.network.register import NETWORK_FILE, found, read_register
 from gloc3.network.rights_file import RIGHTS_FILE
@@ -109,6 +113,72 @@ def test_keys_and_certificates_that_do_not_fit_or_are_open_to_others_are_refused
     shutil.copy(other.folder / "authority.pem", file.with_name("authority.pem"))
     with pytest.raises(InputError, match=r"authority\.pem has not signed this certificate"):
         read_network(file, NOW)
+
+
+def test_a_member_keeps_its_key_on_its_own_computer_and_is_renewed_before_its_certificate_ends(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    yard, laptop = Yard(tmp_path / "yard"), tmp_path / "laptop"
+    assert network("request", laptop, "dora") == 0
+    digits = capsys.readouterr().err.rpartition("key: ")[2].strip()
+    assert len(digits.split()) == 6
+    asked = ("--role", "operator", "--request", laptop / "request.pem")
+    assert network("add", yard.folder, "erin", *asked) == 2
+    assert "it is of dora, not of erin" in capsys.readouterr().err
+    assert network("add", yard.folder, "dora", *asked, "--days", "20") == 0
+    told = capsys.readouterr().err
+    assert f"fingerprint of the key: {digits}; it has to be the one that dora reads out" in told
+    public = yard.folder / "dora"
+    assert sorted(path.name for path in public.iterdir()) == ["authority.pem", "certificate.pem", "network.yaml"]
+    key = (laptop / "key.pem").read_bytes()
+
+    def check() -> str:
+        for path in public.iterdir():
+            shutil.copy(path, laptop)
+        assert network("check", laptop / NETWORK_FILE) == 0
+        return capsys.readouterr().err
+
+    assert re.search(r"certificate\.pem expires on .*, in (19|20) days: gloc3 network renew", check())
+    before = yard.membership("pelican.main").file
+    assert network("renew", yard.folder, "--within", "25") == 0
+    assert "renewed: dora\n" in capsys.readouterr().err, "the others expire later"
+    assert "expires" not in check()
+    assert (laptop / "key.pem").read_bytes() == key
+    after = yard.membership("pelican.main").file
+    changed = {one.member for one in after.accepts} - {one.member for one in after.accepts if one in before.accepts}
+    assert changed == {"dora"}
+    alice = (yard.folder / "alice" / "key.pem").read_bytes()
+    assert network("renew", yard.folder, "alice") == 0
+    assert (yard.folder / "alice" / "key.pem").read_bytes() != alice, "made here, it is made anew"
+    yard.membership("alice")
+    assert network("renew", yard.folder, "nobody") == 2
+    assert network("renew", yard.folder, "--within", "0") == 0
+    assert "nothing expires within 0 days" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "cannot be read"),
+        (b"-----BEGIN CERTIFICATE REQUEST-----", "not a request"),
+        ("changed", "its signature is wrong"),
+    ],
+)
+def test_a_request_that_is_none_is_refused(tmp_path: Path, content: bytes | str | None, message: str) -> None:
+    make_request(tmp_path, "dora")
+    path = tmp_path / "request.pem"
+    if content is None:
+        path.unlink()
+    elif content == "changed":
+        request = x509.load_pem_x509_csr(path.read_bytes())
+        data = bytearray(request.public_bytes(Encoding.DER))
+        data[data.index(b"dora")] = ord("n")
+        path.write_bytes(x509.load_der_x509_csr(bytes(data)).public_bytes(Encoding.PEM))
+    else:
+        assert isinstance(content, bytes)
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_request(path, "nora" if content == "changed" else "dora")
 
 
 def test_rights_are_checked_shown_and_copied_and_a_copy_that_is_missing_gives_nobody_everything(

@@ -64,6 +64,11 @@ class PoseEstimate:
         self.disputed_m: Vector3 = (0.0, 0.0, 0.0)
         """Possible error along each axis, m, from contradicting sources: reported, and not assigned to either of
         them."""
+        self.separation_m: Vector3 = (0.0, 0.0, 0.0)
+        """How far the position would be from here along each axis if any one source were left out: reported, too."""
+        self.reference_m: Vector3 = (0.0, 0.0, 0.0)
+        """How far the source of positions that is used now was from here when it came back from being turned down, along
+        each axis: which of the two was wrong, no odometer can tell any more."""
         self._offset: Vector3 = (0.0, 0.0, 0.0)
         """What is still to come into the reported position."""
         self._settings = settings
@@ -101,7 +106,7 @@ class PoseEstimate:
         self.errors.reset(deviations)
         self.clones.clear()
         self.floor_down_m = None
-        self._offset = (0.0, 0.0, 0.0)
+        self._offset = self.reference_m = (0.0, 0.0, 0.0)
         self._predicted_s = state.t_s
         self._force_s = (0.0, 0.0, 0.0)
         self._distance_m = 0.0
@@ -266,6 +271,11 @@ class PoseEstimate:
         self.errors.loosen(POSITION.start, covariance)
         self._blend(by_m)
 
+    def doubt_reference(self, apart_m: Matrix) -> None:
+        """Reports from now on that the position may be off by this vector, (3,)."""
+        north, east, down = np.maximum(np.abs(apart_m), self.reference_m).tolist()
+        self.reference_m = (north, east, down)
+
     def inflate_position(self, apart_m: Vector3) -> None:
         """Inflates all positions, clones included, by a common error along each axis."""
         for axis, size in enumerate(apart_m):
@@ -304,8 +314,9 @@ class PoseEstimate:
     def position_std_m(self) -> Vector3:
         """Standard deviation along each axis."""
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()
-        x, y, z = self.disputed_m
-        return (sqrt(n + x * x), sqrt(e + y * y), sqrt(d + z * z))
+        doubts = zip(self.disputed_m, self.separation_m, self.reference_m, strict=True)
+        (north, east, down) = (x * x + y * y + z * z for x, y, z in doubts)
+        return (sqrt(n + north), sqrt(e + east), sqrt(d + down))
 
 
 def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Quaternion:

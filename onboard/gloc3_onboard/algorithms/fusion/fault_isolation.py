@@ -5,13 +5,14 @@ window, the difference of two sources' sums is the disagreement between the *sou
 a bad source has pulled it. Two sources agree where that difference is explained by their covariances and by an error of
 scale that either may have. A source that disagrees with at least two others, and with more than each of these does, is
 voted out. Where two disagree and no third can decide, neither is voted out: the conflict is reported, and the pose is
-as uncertain as they differ.
+as uncertain as they differ. Long before a vote is certain, the same sums show where the estimate would be without any one
+source: the pose is at least as uncertain as that.
 """
 
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterator, Mapping
-from itertools import combinations
+from itertools import combinations, islice
 from math import dist
 from typing import Final, NamedTuple
 
@@ -25,6 +26,10 @@ _KEPT: Final = 1024
 _PULLS_S: Final = 6.0
 _WINDOWS: Final = (0.25, 0.5, 1.0)
 """Shorter windows see coarse errors sooner."""
+_MEAN_S: Final = 0.5
+"""Time over which reports are averaged at both ends of a window."""
+_SEPARATED: Final = (0.25, 1.0)
+"""The windows in which one source is left out: errors that begin, and errors that stay."""
 _FLOOR_M2: Final = 0.004**2
 _BLIND_M2: Final = 0.5**2
 """Variance beyond which a direction is ignored in a disagreement."""
@@ -114,10 +119,25 @@ class Record:
 
     def over(self, begin_s: float) -> tuple[Vector3, Matrix]:
         """Sum of the excess since a time, and its covariance (3, 3) in NED, with a part for each reference."""
-        first = min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
-        bx, by, bz, before = self._sums[first]
-        x, y, z, spread = self._sums[-1]
-        return (x - bx, y - by, z - bz), 2.0 * self.covariance + (spread - before)
+        bx, by, bz, _ = self._sums[self._first(begin_s)]
+        x, y, z, _ = self._sums[-1]
+        return (x - bx, y - by, z - bz), self.spread(begin_s)
+
+    def spread(self, begin_s: float) -> Matrix:
+        """Covariance (3, 3) of the motion since a time, in NED."""
+        return 2.0 * self.covariance + (self._sums[-1][3] - self._sums[self._first(begin_s)][3])
+
+    def _first(self, begin_s: float) -> int:
+        """The last report at a time."""
+        return min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
+
+    def mean_over(self, begin_s: float) -> Matrix:
+        """The excess since a time, (3,), as a mean of some reports at both ends: their noise averages out."""
+        first = self._first(begin_s)
+        early = bisect_right(self._times, self._times[first] + _MEAN_S)
+        late = bisect_left(self._times, self._times[-1] - _MEAN_S)
+        begin, end = _mean(islice(self._sums, first, early)), _mean(islice(self._sums, late, None))
+        return end - begin
 
     @property
     def covariance(self) -> Matrix:
@@ -126,6 +146,11 @@ class Record:
             axes = matrix_of(self._axes)
             self._spread = axes @ self._covariance @ axes.T
         return self._spread
+
+
+def _mean(sums: Iterator[tuple[float, float, float, Matrix]]) -> Matrix:
+    rows = [(x, y, z) for x, y, z, _ in sums]
+    return np.array([sum(column) / len(rows) for column in zip(*rows, strict=True)])
 
 
 class FaultIsolation:
@@ -197,6 +222,36 @@ class FaultIsolation:
             return None
         north, east, down = by_m.tolist()
         return OtherAgreement(tuple(group), (north, east, down), covariance)
+
+    def separation(self, names: list[str], now_s: float) -> Vector3:
+        """How far the position would be from its estimate if any one source were left out, along each axis, m.
+
+        This is solution separation, as satellite navigation monitors its integrity: whichever source is wrong, the others
+        say how far it has moved the estimate. What their covariances explain is not counted.
+
+        Args:
+            names: the sources that are used.
+            now_s: the time.
+        """
+        worst = np.zeros(3)
+        for share in _SEPARATED:
+            begin_s = now_s - share * self._window_s
+            able = [name for name in names if self._known(name, begin_s, now_s)]
+            if len(able) < 2:
+                continue
+            turned_m2 = (self._heading_std_rad * self._length(begin_s)) ** 2
+            records = [self.records[name] for name in able]
+            floors = np.array([_FLOOR_M2 + (0.0 if record.is_of_places else turned_m2) for record in records])
+            spreads = np.array([record.spread(begin_s) for record in records]) + floors[:, None, None] * np.eye(3)
+            weights = np.linalg.inv(spreads)
+            weighted = np.einsum("nij,nj->ni", weights, np.array([record.mean_over(begin_s) for record in records]))
+            # Weighted mean of the others: C = (sum C_i^-1)^-1, d = C sum C_i^-1 d_i; counted is d^2 - C.
+            covariances = np.linalg.inv(weights.sum(axis=0) - weights)
+            apart = np.einsum("nij,nj->ni", covariances, weighted.sum(axis=0) - weighted)
+            counted = apart**2 - covariances.diagonal(axis1=1, axis2=2)
+            worst = np.maximum(worst, counted.max(axis=0))
+        north, east, down = np.sqrt(worst).tolist()
+        return north, east, down
 
     def _excess(self, name: str, begin_s: float) -> tuple[Matrix, Matrix]:
         """Excess of a source's motion since a time over the estimate, and its covariance."""

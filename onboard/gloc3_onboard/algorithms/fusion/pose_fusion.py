@@ -14,10 +14,10 @@ from gloc3_onboard.algorithms.fusion.error_state import FLOOR, SIZE, VELOCITY, M
 from gloc3_onboard.algorithms.fusion.estimate import Past, PoseEstimate
 from gloc3_onboard.algorithms.fusion.imu_watch import ImuWatch
 from gloc3_onboard.algorithms.fusion.inertial import InertialState
-from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, height_over, level_of, place
+from gloc3_onboard.algorithms.fusion.measurements import CHI2_999, Measured, covariance_of, height_over, level_of, place
 from gloc3_onboard.algorithms.fusion.odometers import Odometers, read
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
-from gloc3_onboard.algorithms.fusion.source_reports import SourceReports
+from gloc3_onboard.algorithms.fusion.source_reports import PlaceReport, Report, SourceReports
 from gloc3_onboard.algorithms.fusion.source_voting import SourceVoting
 from gloc3_onboard.algorithms.fusion.trust import Trust
 
@@ -264,20 +264,20 @@ class PoseFusion:
         if trust.is_frozen(numbers, past.state.position_ned_m, self._restlessness > 5e-3):
             trust.turn_down("frozen: the same motion again and again")
             self._voting.isolation.record(report.source).reset()
+        self._source_reports.follow(report, past.state)
         measured = self._odometers.measure(report, past)
         if measured is None:
-            self._source_reports.book_motion(report, past.state)
             return
         rows = self.estimate.rows(measured, past, report.source)
-        if self._judge(trust, measured, rows, past):
+        if self._judge(trust, measured, rows, past, report):
             self._voting.hold(t_s)
         elif trust.is_out_of_step:
             self._odometers.rebase(report)
-        if not trust.has_slipped:
-            self._source_reports.book_motion(report, self.estimate.inertial.at(t_s))
+        if not trust.is_stray:
+            self._source_reports.book(report, self.estimate.inertial.at(t_s))
 
-    def _judge(self, trust: Trust, measured: Measured, rows: Matrix, past: Past) -> bool:
-        """Gates a measurement and, if it passes, updates the estimate."""
+    def _judge(self, trust: Trust, measured: Measured, rows: Matrix, past: Past, report: Report | None = None) -> bool:
+        """Gates a measurement and, if it passes, updates the estimate; with a report, an outlier is told from an error."""
         # R scaled by what past innovations show; blind motion since t_s adds H N H^T.
         noise, t_s = measured.noise * trust.widening, past.state.t_s
         if past.noise is not None:
@@ -286,11 +286,17 @@ class PoseFusion:
         innovation = self.estimate.errors.test(measured.residual, rows, noise)
         if self.on_innovation is not None:
             self.on_innovation(trust.name, innovation, measured.degrees)
+        if not isfinite(innovation):
+            return False
+        # One position alone, of whatever source, does not make a jump.
+        is_jump = isinstance(report, PlaceReport) and hypot(*measured.residual) > self.settings.jump_m
+        is_sound = not is_jump and innovation <= CHI2_999[measured.degrees]
+        is_steady = report is None or is_sound or self._source_reports.is_steady(report, past.state)
         was_coarse = trust.is_coarse
-        is_accepted = isfinite(innovation) and trust.judge(innovation, measured.degrees, t_s)
+        is_accepted = trust.judge(innovation, measured.degrees, t_s, is_steady=is_steady)
         if was_coarse and trust.is_used:  # what it told while it was plainly wrong is forgotten
             self._voting.isolation.record(trust.name).reset()
-        if not is_accepted:
+        if not is_accepted or (is_jump and not is_steady):
             return False
         self.estimate.correct(measured.residual, rows, noise)
         return True
@@ -321,15 +327,18 @@ class PoseFusion:
         pose = (state.position_ned_m, state.ned_from_frd)
         measured = place(pose, message.position_ned_m, message.lever_frd_m, covariance)
         was = self.estimate.inertial.now.position_ned_m
-        if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past):
+        report = PlaceReport(message.source, t_s, message.position_ned_m, covariance)
+        self._source_reports.follow(report, state)
+        was_turned_down = trust.is_turned_down
+        if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past, report):
             self._voting.hold(t_s)
+            if was_turned_down:
+                self.estimate.doubt_reference(measured.by_pose[:, :3].T @ measured.residual)
             self._voting.isolation.record(message.source).pull(
                 _minus(self.estimate.inertial.now.position_ned_m, was), t_s
             )
-        if not trust.has_slipped:
-            self._source_reports.book_place(
-                message.source, message.position_ned_m, covariance, self.estimate.inertial.at(t_s)
-            )
+        if not trust.is_stray:
+            self._source_reports.book(report, self.estimate.inertial.at(t_s))
 
     def _use_height(self, trust: Trust, message: HeightAboveGround, t_s: float) -> None:
         if not isfinite(message.height_m) or not 0.0 <= message.height_m < 1e3:

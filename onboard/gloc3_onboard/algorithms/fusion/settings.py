@@ -49,6 +49,7 @@ class FusionSettings(Settings, frozen=True):
     std_limit_m: Annotated[float, Bounds(0.01, 10.0)] = 0.4
     """A pose with a greater standard deviation is not valid."""
     jump_m: Annotated[float, Bounds(0.01, 10.0)] = 0.1
-    """A correction of more than this is counted as a jump; smaller ones are blended in."""
+    """A correction of more than this is counted as a jump, and takes three positions in a row that lead there; smaller ones
+    are blended in."""
     blend_s: Annotated[float, Bounds(0.0, 2.0)] = 0.15
     """Time constant with which corrections come into the reported pose."""

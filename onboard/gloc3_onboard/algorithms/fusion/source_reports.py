@@ -1,10 +1,28 @@
 """Motion reported by each source less the estimated one: the input of the vote."""
 
+from collections import deque
+from typing import Final, NamedTuple
+
+import numpy as np
+
 from gloc3.messages.frames import Vector3, conjugate, multiply
 from gloc3_onboard.algorithms.fusion.error_state import Matrix
 from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation
 from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
+from gloc3_onboard.algorithms.fusion.measurements import CHI2_999, matrix_of
 from gloc3_onboard.algorithms.fusion.odometers import OdometerReport, source_of
+
+
+class PlaceReport(NamedTuple):
+    """One absolute position."""
+
+    source: str
+    t_s: float
+    position_ned_m: Vector3
+    covariance: Matrix
+
+
+Report = OdometerReport | PlaceReport
 
 
 class SourceReports:
@@ -12,47 +30,90 @@ class SourceReports:
 
     def __init__(self, inertial: Inertial, isolation: FaultIsolation) -> None:
         self._inertial, self._isolation = inertial, isolation
-        self._reports: dict[str, OdometerReport] = {}
-        self._places: dict[str, tuple[float, Vector3]] = {}
+        self._booked: dict[str, Report] = {}
+        """The last report of each source in its record."""
+        self._last: dict[str, Report] = {}
+        self._offsets: dict[str, deque[Vector3]] = {}
+        """Offsets of the last three reports of each source from the estimate, in NED, but for a constant."""
 
     def clear(self) -> None:
         """Clears the last reports."""
-        self._reports.clear()
-        self._places.clear()
+        self._booked.clear()
+        self._last.clear()
+        self._offsets.clear()
 
-    def book_motion(self, report: OdometerReport, state: InertialState) -> None:
-        """Records an odometer's report, with the estimated state at its time."""
-        before = self._reports.get(report.source)
-        self._reports[report.source] = report
+    def follow(self, report: Report, state: InertialState) -> None:
+        """Follows where the reports of a source lead to, also those that are not used.
+
+        Args:
+            report: the report.
+            state: the estimated state at its time.
+        """
+        found = self._excess(self._last.get(report.source), report, state)
+        self._last[report.source] = report
+        offsets = self._offsets.setdefault(report.source, deque(maxlen=3))
+        (n, e, d), (x, y, z) = found[0] if found is not None else (0.0, 0.0, 0.0), offsets[-1] if offsets else _HERE
+        if found is None:
+            offsets.clear()
+        offsets.append((x + n, y + e, z + d))
+
+    def is_steady(self, report: Report, state: InertialState) -> bool:
+        """Whether a report that was followed is where the two before it lead to, by its covariance.
+
+        An error that stays, or that grows as a wrong motion lets it grow, leaves three reports in a row on a line beside
+        the estimate. An outlier does not, and three of them hardly ever do.
+        """
+        offsets = self._offsets[report.source]
+        if len(offsets) < 3:
+            return False
+        # Second difference b of three reports of covariance C: b^T (6 C)^-1 b against chi-square, 3 degrees of freedom.
+        bend = np.array(offsets[2]) - 2.0 * np.array(offsets[1]) + np.array(offsets[0])
+        return float(bend @ np.linalg.solve(6.0 * _in_ned(report, state), bend)) <= CHI2_999[3]
+
+    def book(self, report: Report, state: InertialState) -> None:
+        """Records a report, with the estimated state at its time."""
+        before = self._booked.get(report.source)
+        self._booked[report.source] = report
         record = self._isolation.record(report.source)
+        record.is_of_places = isinstance(report, PlaceReport)
         if before is None:
             return
-        reported = source_of(before, report, state.ned_from_frd)
-        if reported is None or not self._inertial.covers(reported[0]):
+        found = self._excess(before, report, state)
+        if found is None:
             record.reset()
-            return
-        since_s, shift, is_new = reported
-        axes = multiply(state.ned_from_frd, conjugate(report.attitude))
-        # Excess: reported less estimated motion over the same interval, in NED.
-        excess = _minus(shift, self._believed(since_s, state))
-        record.add(report.t_s, excess, report.covariance[:3, :3], axes, is_new_reference=is_new)
+        elif isinstance(report, PlaceReport):
+            record.add(report.t_s, found[0], report.covariance)
+        else:
+            axes = multiply(state.ned_from_frd, conjugate(report.attitude))
+            record.add(report.t_s, found[0], report.covariance[:3, :3], axes, is_new_reference=found[1])
 
-    def book_place(self, source: str, position_ned_m: Vector3, covariance: Matrix, state: InertialState) -> None:
-        """Records an absolute position, with the estimated state at its time."""
-        before = self._places.get(source)
-        self._places[source] = (state.t_s, position_ned_m)
-        record = self._isolation.record(source)
-        record.is_of_places = True
-        if before is None:
-            return
-        if not self._inertial.covers(before[0]):
-            record.reset()
-            return
-        shift = _minus(position_ned_m, before[1])
-        record.add(state.t_s, _minus(shift, self._believed(before[0], state)), covariance)
+    def _excess(self, before: Report | None, report: Report, state: InertialState) -> tuple[Vector3, bool] | None:
+        """Reported less estimated motion since a report before, in NED, and whether it has a new reference."""
+        if isinstance(report, PlaceReport):
+            if not isinstance(before, PlaceReport):
+                return None
+            since_s, is_new = before.t_s, False
+            shift = _minus(report.position_ned_m, before.position_ned_m)
+        else:
+            reported = source_of(before, report, state.ned_from_frd) if isinstance(before, OdometerReport) else None
+            if reported is None:
+                return None
+            since_s, shift, is_new = reported
+        if not self._inertial.covers(since_s):
+            return None
+        believed = _minus(state.position_ned_m, self._inertial.at(since_s).position_ned_m)
+        return _minus(shift, believed), is_new
 
-    def _believed(self, since_s: float, state: InertialState) -> Vector3:
-        return _minus(state.position_ned_m, self._inertial.at(since_s).position_ned_m)
+
+def _in_ned(report: Report, state: InertialState) -> Matrix:
+    """Covariance of the reported position, (3, 3)."""
+    if isinstance(report, PlaceReport):
+        return report.covariance
+    axes = matrix_of(multiply(state.ned_from_frd, conjugate(report.attitude)))
+    return np.asarray(axes @ report.covariance[:3, :3] @ axes.T, dtype=np.float64)
+
+
+_HERE: Final[Vector3] = (0.0, 0.0, 0.0)
 
 
 def _minus(a: Vector3, b: Vector3) -> Vector3:

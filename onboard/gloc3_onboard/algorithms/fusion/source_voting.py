@@ -140,6 +140,8 @@ class SourceVoting:
                 trust.is_voted_out = False  # its gate and the probation are left
         self._check_single_source(now_s)
         self._check_stuck(now_s)
+        used = [name for name in voters if self.trust[name].is_used]
+        self._estimate.separation_m = self.isolation.separation(used, now_s)
 
     def _follow_conflict(self, conflict: IsolationResult | None, now_s: float) -> None:
         """Follows an undecided conflict: the pose may drift as fast as the two sources diverge, and stays off.

@@ -1,16 +1,19 @@
 """Trust in one source: its gate, its record and its readmission."""
 
+from collections import deque
 from typing import Final
 
 from gloc3.messages.perception import SourceState
 from gloc3_onboard.algorithms.fusion.measurements import CHI2_999
 
 DISAGREES: Final = "it does not agree with the estimate"
-_MISSES: Final = 5
-"""Measurements in a row that fail the gate before the source is turned down."""
+_MISSES, _STRAY_MISSES = 5, 7
+"""Measurements in a row that fail the gate before the source is turned down; the second, where most are strays: by
+chance alone, one of five that is a stray makes that once in 80,000 reports."""
 _COARSE: Final = 4.0
 """So many times the gate is coarse."""
 _SLIPS: Final = 2
+"""Misses in a row that do not end a probation."""
 _SMOOTHING: Final = 0.05
 """Share of a new innovation in the smoothed one."""
 SOUND: Final = 1.5
@@ -49,10 +52,14 @@ class Trust:
         """When it was last turned down for not agreeing with the estimate."""
         self.innovation = 1.0
         """Normalised innovation squared over its degrees of freedom, smoothed."""
+        self._unconfirmed: deque[float] = deque(maxlen=_MISSES)
+        """Innovations of strays since the last measurement that was none."""
         self._probation_s = probation_s
-        self._misses, self._missed_by = 0, 0.0
+        self._misses, self._missed_by, self._strays = 0, 0.0, 0
         self._has_stepped_back = False
         self._good_since_s: float | None = None
+        self.is_stray = False
+        """The last measurement has missed the gate, and is not where the ones before it lead to: no evidence yet."""
         self._last: tuple[float, ...] = ()
         self._same = 0
         self._same_since: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -63,9 +70,9 @@ class Trust:
         return not self.reason
 
     @property
-    def has_slipped(self) -> bool:
-        """Whether it is used although its last one or two measurements failed the gate."""
-        return self.is_used and 0 < self._misses <= _SLIPS
+    def is_turned_down(self) -> bool:
+        """Whether it is not used for what it has told, not for silence."""
+        return not self.is_used and not self._has_stepped_back
 
     @property
     def is_out_of_step(self) -> bool:
@@ -82,29 +89,33 @@ class Trust:
         """Factor on its covariance, where its innovations are larger than it claims."""
         return min(max(self.innovation / SOUND, 1.0), _WIDEST)
 
-    def judge(self, innovation: float, degrees: int, t_s: float) -> bool:
+    def judge(self, innovation: float, degrees: int, t_s: float, *, is_steady: bool = True) -> bool:
         """Gates a measurement by its normalised innovation squared; true if it is to be used.
 
         Args:
             innovation: with the covariance as widened.
             degrees: of freedom.
             t_s: time of validity.
+            is_steady: it is where the ones before it lead to.
         """
         # Gate: chi-square at 99.9 %; below, a low-pass of the innovation per degree of freedom, 1 where R is honest.
         passes = innovation <= CHI2_999[degrees]
-        share = min(innovation / degrees, 4.0) * self.widening
-        self.innovation += _SMOOTHING * (share - self.innovation)
+        self.is_stray = not passes and not is_steady
+        self._smooth(innovation, degrees)
         if not passes:
             self.rejected += 1
             self._misses += 1
+            self._strays += self.is_stray
             self._missed_by += innovation / CHI2_999[degrees]
-            self._good_since_s = None
-            if self._misses >= _MISSES and self.is_used:
+            if self._misses > _SLIPS:
+                self._good_since_s = None
+            limit = _STRAY_MISSES if 2 * self._strays > self._misses else _MISSES
+            if self._misses >= limit and self.is_used:
                 self.turn_down(DISAGREES)
                 self.down_s = t_s
                 self.is_coarse = self._missed_by > _COARSE * self._misses
             return False
-        self._misses, self._missed_by = 0, 0.0
+        self._misses, self._missed_by, self._strays = 0, 0.0, 0
         if self._has_stepped_back:
             self.let_in()
         if not self.is_used:
@@ -118,6 +129,18 @@ class Trust:
         self.accepted += 1
         self.used_s = t_s
         return True
+
+    def _smooth(self, innovation: float, degrees: int) -> None:
+        """Follows the innovation; one that no widening explains counts once it is confirmed as no stray."""
+        share = min(innovation / degrees, 4.0) * self.widening
+        if self.is_stray and innovation * self.widening > _WIDEST * CHI2_999[degrees]:
+            self._unconfirmed.append(share)
+            return
+        if innovation > CHI2_999[degrees]:
+            for before in self._unconfirmed:
+                self.innovation += _SMOOTHING * (before - self.innovation)
+        self._unconfirmed.clear()
+        self.innovation += _SMOOTHING * (share - self.innovation)
 
     def refuse(self, reason: str) -> None:
         """Records an unusable message."""
@@ -146,7 +169,7 @@ class Trust:
         self.reason = ""
         self.is_voted_out = self.is_alone = False
         self._has_stepped_back = self.is_coarse = False
-        self._misses, self._missed_by = 0, 0.0
+        self._misses, self._missed_by, self._strays = 0, 0.0, 0
         self.innovation = 1.0
         self._good_since_s = None
 

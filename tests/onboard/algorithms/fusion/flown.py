@@ -26,6 +26,10 @@ from gloc3.messages.vehicle import HeightAboveGround
 IMU_HZ = 100
 GRAVITY = 9.80665
 WANDER_S = 1.1
+OUTLIER_M = 1.0
+"""Standard deviation of an outlier's displacement along each axis."""
+RAMP_M_S = 0.05
+"""Growth of an error that grows steadily: 6 % of the speed."""
 Array = np.ndarray[Any, np.dtype[Any]]
 M = TypeVar("M", Odometry, PositionFix)
 
@@ -126,7 +130,10 @@ class Sensor:
     latency_s: float
     fault: str = ""
     fault_s: tuple[float, float] = (1e9, 1e9)
+    wrong_share: float = 0.0
+    """Of the fault `outliers`: how many of the reports are displaced, 0 to 1."""
     rng: Any = None
+    fault_rng: Any = None
     _held: Any = None
     _next_s: float = 0.3
     _shift: Array = field(default_factory=lambda: np.zeros(3))
@@ -156,6 +163,12 @@ class Sensor:
                 return [(arrives_s, t_s, self.garbage(message))]
             case "scale" | "step":
                 return [(arrives_s, t_s, self.biased(message))]
+            case "ramp":
+                return [(arrives_s, t_s, self.displaced(message, (RAMP_M_S * self._ramped_s(message, t_s), 0.0, 0.0)))]
+            case "outliers":
+                displacement = tuple((self.fault_rng.normal(size=3) * OUTLIER_M).tolist())
+                is_wrong = self.fault_rng.random() < self.wrong_share
+                return [(arrives_s, t_s, self.displaced(message, displacement) if is_wrong else message)]
         return [(arrives_s, t_s, message)]
 
     def measure(self, flight: Flight, t_s: float) -> Any:
@@ -166,6 +179,15 @@ class Sensor:
 
     def biased(self, message: Any) -> Any:
         raise NotImplementedError
+
+    def displaced(self, message: Any, by_m: Vector3) -> Any:
+        """The message with its position off by a vector."""
+        raise NotImplementedError
+
+    def _ramped_s(self, message: Any, t_s: float) -> float:
+        """For how long an error has grown that is in this message: an odometer's since its reference."""
+        begin_s = self.fault_s[0]
+        return t_s - (max(message.reference_t_s, begin_s) if isinstance(message, Odometry) else begin_s)
 
 
 @dataclass
@@ -241,6 +263,10 @@ class Odometer(Sensor):
             return _changed(message, position_m=(x * 1.05, y * 1.05, z * 1.05))
         return _changed(message, position_m=(x + 0.2, y, z))
 
+    def displaced(self, message: Odometry, by_m: Vector3) -> Odometry:
+        x, y, z = (value + more for value, more in zip(message.position_m, by_m, strict=True))
+        return _changed(message, position_m=(x, y, z))
+
 
 @dataclass
 class Tracker(Sensor):
@@ -269,6 +295,10 @@ class Tracker(Sensor):
             message, position_ned_m=(n * 1.05, e * 1.05, d * 1.05) if self.fault == "scale" else (n + 0.2, e, d)
         )
 
+    def displaced(self, message: PositionFix, by_m: Vector3) -> PositionFix:
+        n, e, d = (value + more for value, more in zip(message.position_ned_m, by_m, strict=True))
+        return _changed(message, position_ned_m=(n, e, d))
+
 
 @dataclass
 class Height(Sensor):
@@ -286,6 +316,9 @@ class Height(Sensor):
     def biased(self, message: HeightAboveGround) -> HeightAboveGround:
         more = 0.05 * message.height_m if self.fault == "scale" else 0.2
         return HeightAboveGround(height_m=message.height_m + more, is_valid=True)
+
+    def displaced(self, message: HeightAboveGround, by_m: Vector3) -> HeightAboveGround:
+        return HeightAboveGround(height_m=max(message.height_m + by_m[0], 0.0), is_valid=True)
 
 
 def _changed(message: M, **fields: Any) -> M:
@@ -309,4 +342,5 @@ def sensors_of(platform: str, seed: int) -> list[Sensor]:
         )
     for number, sensor in enumerate(make):
         sensor.rng = np.random.default_rng((seed, number))
+        sensor.fault_rng = np.random.default_rng((seed, number, 1))
     return make

@@ -101,20 +101,34 @@ def test_a_message_ahead_of_the_inertial_unit_waits_for_it() -> None:
     assert fusion.state().sources[-1].accepted == 1
 
 
-@pytest.mark.parametrize(("away_m", "jumps"), [(0.5, 1), (0.05, 0)])
-def test_a_large_correction_is_a_jump_and_counted_and_a_small_one_is_blended_in(away_m: float, jumps: int) -> None:
+def fixes(away_m: float, times_s: tuple[float, ...]) -> PoseFusion:
+    """Positions from outside that are elsewhere, after a start that is hardly known."""
     fusion = PoseFusion(msgspec.structs.replace(AT_HOME, start_std_m=0.3))
     standing(fusion, 1.0)
     covariance = (np.eye(3) * 1e-4).ravel().tolist()
-    fusion.fix(PositionFix(source="tracker", position_ned_m=(away_m, 0.0, 0.0), covariance=covariance), 1.0)
+    fix = PositionFix(source="tracker", position_ned_m=(away_m, 0.0, 0.0), covariance=covariance)
+    for t_s in times_s:
+        fusion.fix(fix, t_s)
     standing(fusion, 1.02, 1.0)
     fusion.tick(1.02)
+    return fusion
+
+
+@pytest.mark.parametrize(("away_m", "jumps"), [(0.5, 1), (0.05, 0)])
+def test_a_large_correction_is_a_jump_and_counted_and_a_small_one_is_blended_in(away_m: float, jumps: int) -> None:
+    fusion = fixes(away_m, (0.96, 0.98, 1.0))
     first = fusion.pose()
     standing(fusion, 2.0, 1.02)
     last = fusion.pose()
     assert (first.reset_counter, last.reset_counter) == (jumps, jumps)
     assert last.position_ned_m[0] == pytest.approx(away_m, abs=0.01)
     assert (first.position_ned_m[0] > 0.9 * away_m) == bool(jumps), "at once, or by and by"
+
+
+def test_one_position_alone_does_not_make_a_jump() -> None:
+    pose = fixes(0.5, (1.0,)).pose()
+    assert pose.reset_counter == 0
+    assert pose.position_ned_m[0] == pytest.approx(0.0, abs=0.01)
 
 
 def test_garbage_of_every_kind_never_makes_it_not_a_number() -> None:

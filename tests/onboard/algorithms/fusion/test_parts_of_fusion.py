@@ -207,6 +207,18 @@ def test_a_source_that_does_not_agree_is_turned_down_and_used_again_after_its_pr
     assert trust.is_used
 
 
+def test_outliers_now_and_then_neither_turn_a_source_down_nor_widen_it_nor_end_its_probation() -> None:
+    trust = Trust("stereo", probation_s=1.0)
+    for i in range(200):
+        is_outlier = i % 5 in (3, 4)
+        assert trust.judge(1e5 if is_outlier else 6.0, 6, 0.1 * i, is_steady=False) is not is_outlier
+    assert (trust.is_used, trust.widening) == (True, 1.0)
+    assert [trust.judge(1e5, 6, 20.0 + 0.1 * i, is_steady=i > 1) for i in range(5)] == [False] * 5
+    assert not trust.is_used, "five that say the same"
+    used = [trust.judge(1e5 if i == 4 else 6.0, 6, 21.0 + 0.1 * i, is_steady=False) for i in range(12)]
+    assert used.index(True) == 10
+
+
 def test_one_that_only_said_nothing_is_used_again_at_once() -> None:
     trust = Trust("tracker", probation_s=1.0)
     trust.step_back("it does not see the lamp")
@@ -247,6 +259,24 @@ def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_t
 
     assert vote(1e-3) == "late"
     assert vote(0.2) == ""
+
+
+def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
+    def separation(drift_m_s: float, names: tuple[str, ...] = ("a", "b", "c")) -> Vector3:
+        vote, rng = FaultIsolation(6.0, 0.01), np.random.default_rng(1)
+        for name in names:
+            noise = rng.normal(size=61) * 0.005
+            for i in range(60):
+                excess = (float(noise[i + 1] - noise[i]) + (0.0 if name == "a" else drift_m_s * 0.1), 0.0, 0.0)
+                vote.record(name).add(i * 0.1, excess, np.eye(3) * 0.005**2)
+        vote.update(dict.fromkeys(names, True), (0.0, 0.0, 0.0), 0.0, 5.9)
+        return vote.separation(list(names), 5.9)
+
+    assert separation(0.0) == (0.0, 0.0, 0.0)
+    north, east, down = separation(-0.02)
+    assert north == pytest.approx(0.12, abs=0.02)
+    assert (east, down) == (0.0, 0.0)
+    assert separation(-0.02, ("b",)) == (0.0, 0.0, 0.0), "with one there is nobody to compare with"
 
 
 def test_two_that_say_together_that_the_body_is_elsewhere_are_heard_and_two_that_say_different_things_are_not() -> None:

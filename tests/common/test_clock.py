@@ -34,6 +34,21 @@ def test_the_clock_of_a_virtual_loop_has_a_fixed_utc() -> None:
     run_virtual(main())
 
 
+def test_pictures_get_no_utc_while_the_clock_may_be_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = asyncio.new_event_loop()
+    clock = Clock(loop)
+    for is_right in (True, False):
+        monkeypatch.setattr(Clock, "is_utc_right", lambda _, is_right=is_right: is_right)
+        offset_s = clock.utc_offset()
+        assert (offset_s is not None) == is_right
+        if offset_s is not None:
+            assert offset_s + loop.time() == pytest.approx(time.time(), abs=1.0)
+    loop.close()
+    virtual = VirtualLoop()
+    assert Clock(virtual).utc_offset() == VIRTUAL_EPOCH_S
+    virtual.close()
+
+
 def test_the_clock_of_a_real_loop_is_the_loops_time() -> None:
     async def main() -> None:
         clock = Clock(asyncio.get_running_loop())

@@ -120,6 +120,9 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     """Where the data of sensors comes from, by device: URLs such as `v4l2:///dev/video0`."""
     cameras: dict[Name, CameraModel | str] = {}
     """How each camera is calibrated: a model, or a file such as `front.yaml#cam0`, relative to this one."""
+    first_camera_component: Annotated[int, msgspec.Meta(ge=0, le=105)] = 100
+    """MAVLink component of the first camera that the onboard process offers to other programs; the others follow, up to
+    105. Greater than 100 where the vehicle has MAVLink cameras of its own; 0 to offer none."""
     members: dict[Name, str] = {}
     """Members of the network for whom the signing keys of MAVLink links stand: the key's file, relative to this one."""
     hosts: dict[Name, HostRow] = {}

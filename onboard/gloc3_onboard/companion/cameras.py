@@ -30,9 +30,8 @@ from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.pending_requests import NotInControl, PendingRequests
 from gloc3_onboard.process.vitals import Vitals
 
-FIRST_COMPONENT: Final = 100
-"""MAV_COMP_ID_CAMERA."""
-MOST: Final = 6
+LAST_COMPONENT: Final = 105
+"""MAV_COMP_ID_CAMERA6; the first is 100."""
 IMAGE_START, IMAGE_STOP, IMAGE_AGAIN = 2000, 2001, 2002
 SET_MODE: Final = 530
 _TYPE: Final = 30
@@ -76,6 +75,8 @@ _RDF_FROM_FRD: Final[Quaternion] = (0.5, -0.5, -0.5, -0.5)
 class CameraEntry(NamedTuple):
     """One camera."""
 
+    component: int
+    """Of MAVLink."""
     name: str
     capability: str
     """By which pictures of it are recorded."""
@@ -88,7 +89,7 @@ class CameraEntry(NamedTuple):
 def cameras_of(
     platform: Platform, model: Callable[[str], CameraModel | None], urls: Mapping[str, str]
 ) -> list[CameraEntry]:
-    """The cameras whose pictures can be recorded, in the order of the platform file.
+    """The cameras whose pictures can be recorded, in the order of the platform file, as far as there are components.
 
     Args:
         platform: the platform file.
@@ -96,12 +97,13 @@ def cameras_of(
         urls: sources by device.
     """
     found: dict[str, CameraEntry] = {}
+    first = platform.first_camera_component
     for capability, row in platform.capabilities.items():
         for name in row.options.get("camera", ()) if row.arguments == "record_images" else ():
             url = urls.get(f"{name}_camera", "")
             stream_url = url.partition("?")[0] if url.startswith("rtsp://") else ""
-            found.setdefault(name, CameraEntry(name, capability, model(name), stream_url))
-    return list(found.values())[:MOST]
+            found.setdefault(name, CameraEntry(first + len(found), name, capability, model(name), stream_url))
+    return [entry for entry in found.values() if first and entry.component <= LAST_COMPONENT]
 
 
 class Cameras:
@@ -127,10 +129,8 @@ class Cameras:
     ) -> None:
         self._places = _Places()
         self._by_component: Final = {
-            FIRST_COMPONENT + index: MavlinkCamera(
-                Address(system, FIRST_COMPONENT + index), entry, requesting, context, self._places
-            )
-            for index, entry in enumerate(entries)
+            entry.component: MavlinkCamera(Address(system, entry.component), entry, requesting, context, self._places)
+            for entry in entries
         }
         self._unsubscribes = [
             exchange.subscribe(f"{platform}/image_recorded", self._receive_image),

@@ -66,6 +66,17 @@ def test_a_command_is_run_and_answered() -> None:
     assert "COMPONENT_ARM_DISARM to 1/1: accepted" in repr(call)
 
 
+def test_what_must_not_run_twice_is_sent_once_and_waited_for() -> None:
+    pair, client, vehicle = wired(conditions=Conditions(latency_s=0.9))
+    call = client.send_long(VEHICLE, ARM, (1.0,), now_s=0.0, is_repeatable=False)
+    assert finish(pair, call) is CommandResult.ACCEPTED
+    assert (call.attempts, len(vehicle.ran), vehicle.server.repeated) == (ATTEMPTS, 1, 0)
+    pair, client, vehicle = wired(conditions=Conditions(latency_s=0.02, loss=1.0))
+    call = client.send_long(VEHICLE, ARM, (1.0,), now_s=0.0, is_repeatable=False)
+    assert finish(pair, call) is CommandResult.NO_ANSWER
+    assert pair.now_s == pytest.approx(4.0, abs=0.1)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_over_a_bad_link_a_command_is_run_exactly_once(seed: int) -> None:
     pair, client, vehicle = wired(seed=seed, conditions=Conditions(latency_s=0.05, loss=0.2, duplicate=0.1))

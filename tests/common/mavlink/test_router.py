@@ -86,6 +86,14 @@ def test_what_is_for_this_process_is_not_passed_on(net: Net) -> None:
     assert net.links["radio"].counts.unroutable == 0
 
 
+def test_further_components_of_this_process_are_treated_alike(net: Net) -> None:
+    net.router.add_own(Address(1, 103))
+    assert command(net, "radio", STATION, 1, 103) == {}
+    assert net.links["radio"].counts.unroutable == 0
+    assert net.report("wifi", Encoder(1, 103)) == {}, "our own, come back"
+    assert net.links["wifi"].counts.returned == 1
+
+
 def test_frames_pass_byte_for_byte_signed_unknown_and_old_ones_too(net: Net) -> None:
     unknown = b"\xfd\x03\x00\x00\x09\x01\x01\x39\x30\x00abc\x12\x34"
     known = AUTOPILOT.encode(message("ATTITUDE", pitch=0.2))

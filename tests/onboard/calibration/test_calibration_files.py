@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from tests.data_folders import PICTURES
@@ -245,12 +246,15 @@ def test_a_camera_is_chosen_by_name_and_a_reference_may_tell_the_axes(tmp_path: 
     written(tmp_path, CAMCHAIN)
     _, model = read_reference("calibration.yaml?axes=flu#cam1", tmp_path)
     assert model.lens is Lens.EQUIDISTANT
+    _, labelled = read_reference("calibration.yaml?axes=flu&make=Arducam&product=OV9281&pixel_um=3#cam1", tmp_path)
+    assert labelled == msgspec.structs.replace(model, make="Arducam", product="OV9281", pixel_um=3.0)
     for reference, reported in (
         ("calibration.yaml#cam3", "it has no camera 'cam3'"),
         ("calibration.yaml", "calibration.yaml#cam0"),
         ("calibration.yaml?axes=fly#cam0", "right-handed"),
         ("calibration.yaml?colour=red", "write it as"),
         ("calibration.yaml?size=big", "640x480"),
+        ("calibration.yaml?pixel_um=0#cam0", "pixel_um"),
         ("nothing.yaml", "cannot be read"),
     ):
         with pytest.raises((InputError, Refused), match=reported):

@@ -5,10 +5,12 @@ import math
 from random import Random
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gloc3.camera.model import CameraModel
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.component.context import HostContext
 from gloc3.errors import InputError
@@ -26,6 +28,7 @@ from gloc3.mission.formats.items import ForeignPlan as PlanFile
 from gloc3.mission.formats.to_mission import CONVERTED, LEFT_OUT
 from gloc3.network.rights import Rights
 from gloc3.platform.reader import load_platform
+from gloc3_onboard.companion.cameras import CameraEntry, cameras_of
 from gloc3_onboard.companion.companion import MOST, PERIOD_S, Companion, Reasons
 from gloc3_onboard.companion.files import MemoryFiles
 from gloc3_onboard.companion.parameter_table import CompanionParameter, exact, rows_of, short_name
@@ -165,15 +168,17 @@ def test_whatever_is_sent_to_it_nothing_raises_and_it_still_answers() -> None:
         Rights("pelican_rtk"),
     )
     companion.share(MemoryFiles({"file": b"content"}))
+    companion.add_cameras([CameraEntry(100, "ground", "record_images")], "pelican_rtk", LocalExchange())
     sent: list[MavlinkMessage] = []
     receive, parser, chance = companion.attach(lambda message, _: sent.append(message)), codec.Parser(), Random(1)
     shapes = [shape for number in sorted(companion._wanted) if (shape := codec.shape(codec.name_of(number)))]
     encoders = [codec.Encoder(system, 190) for system in (255, 254, 1)]
-    commands = [17, 20, 21, 193, 224, 300, 400, 510, 511, 512, 520, 31010, 32100, 60000]
+    commands = [17, 20, 21, 193, 224, 300, 400, 510, 511, 512, 520, 530, 2000, 2001, 2002, 31010, 32100, 60000]
     for _ in range(4000):
         shape = chance.choice(shapes)
         fields = {field.attribute: any_field(chance, field) for field in shape.fields}
-        fields |= {"target_system": 1, "target_component": 191} if "target_system" in fields else {}
+        target = {"target_system": 1, "target_component": chance.choice([191, 191, 100])}
+        fields |= target if "target_system" in fields else {}
         fields |= {"command": chance.choice(commands)} if "command" in fields else {}
         receive(parser.receive(chance.choice(encoders).encode(codec.message(shape.name, **fields))))
         loop.run_until_complete(asyncio.sleep(chance.choice([0.0, 0.01, 0.3])))
@@ -182,6 +187,46 @@ def test_whatever_is_sent_to_it_nothing_raises_and_it_still_answers() -> None:
     requested = codec.message("COMMAND_LONG", target_system=1, target_component=191, command=512, param1=148.0)
     receive(parser.receive(codec.Encoder(253, 190).encode(requested)))
     assert {"COMMAND_ACK", "AUTOPILOT_VERSION"} <= {reported.name for reported in sent}
+    companion.close()
+    loop.close()
+
+
+STREAM = "rtsp://192.168.1.20:554/stream"
+
+
+def test_cameras_are_those_that_can_be_recorded_and_a_network_camera_has_a_stream() -> None:
+    pelican = load_platform("pelican")
+    models = {"ground": CameraModel(width=640, height=480, focal_px=(400.0, 400.0), center_px=(320.0, 240.0))}
+    found = cameras_of(pelican, models.get, {"ground_camera": f"{STREAM}?delay_s=0.1", "stereo_camera": "none://"})
+    assert [(one.component, one.name, one.stream_url) for one in found] == [
+        (100, "ground", STREAM),
+        (101, "front_left", ""),
+        (102, "front_right", ""),
+    ]
+    assert found[0].model is models["ground"]
+    few = msgspec.structs.replace(pelican, first_camera_component=104)
+    assert [one.component for one in cameras_of(few, models.get, {})] == [104, 105]
+    assert cameras_of(msgspec.structs.replace(pelican, first_camera_component=0), models.get, {}) == []
+
+
+def test_a_camera_with_a_stream_says_where_it_is() -> None:
+    loop, exchange = VirtualLoop(), LocalExchange()
+    context = HostContext("pelican", exchange, Clock(loop), loop, TopicTable(), Random(1))
+    companion = Companion(COMPANION, load_platform("pelican"), context, Rights("pelican"))
+    assert companion.add_cameras([CameraEntry(101, "mast", "record_images", None, STREAM)], "pelican", exchange) == [
+        Address(1, 101)
+    ]
+    sent: list[tuple[int, MavlinkMessage]] = []
+    receive = companion.attach(lambda message, component: sent.append((component, message)))
+    for number in (259.0, 269.0, 270.0):
+        wanted = codec.message("COMMAND_LONG", target_system=1, target_component=101, command=512, param1=number)
+        receive(codec.Parser().receive(codec.Encoder(255, 190).encode(wanted)))
+        loop.run_until_complete(asyncio.sleep(0.1))
+    found = {message.name: message for component, message in sent if component == 101}
+    assert found["CAMERA_INFORMATION"].flags == 2 | 256
+    stream = found["VIDEO_STREAM_INFORMATION"]
+    assert (stream.stream_id, stream.count, stream.type, stream.uri) == (1, 1, 0, STREAM)
+    assert found["VIDEO_STREAM_STATUS"].flags == 1
     companion.close()
     loop.close()
 

@@ -186,7 +186,9 @@ class Scene:
 
     async def show_that_it_obeys(self) -> None:
         """The operator takes control and commands."""
-        await self.alice.send_request(Control(verb=ControlVerb.TAKE_OVER))
+        async with asyncio.timeout(TIMEOUT_S):
+            while (await self.alice.send_request(Control(verb=ControlVerb.TAKE_OVER))).outcome != "accepted":
+                await asyncio.sleep(EVERY_S)  # the platform is still starting
         reply = await self.alice.send_request(self.alice.command())
         assert reply.outcome == "accepted", reply
 

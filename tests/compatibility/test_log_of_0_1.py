@@ -70,6 +70,6 @@ def test_a_component_is_replayed_on_it(component: str) -> None:
     topics = TopicTable.installed()
     with LogReader(LOG, topics.types) as reader:
         platform = read_platform(reader.attachments[PLATFORM_FILE], PLATFORM_FILE)
-        comparisons = replay(reader, platform, component, topics)
+        comparisons = replay(reader, platform, component, topics).comparisons
     assert comparisons
     assert all(found.matched == found.recorded > 0 for found in comparisons)

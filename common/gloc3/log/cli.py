@@ -21,7 +21,7 @@ from gloc3.log.info import render, require_topic, summarize
 from gloc3.log.reader import LogReader, find_log
 from gloc3.log.record import PLATFORM_FILE
 from gloc3.log.recover import recover
-from gloc3.log.replay import render_comparisons, replay
+from gloc3.log.replay import render_replay, replay
 from gloc3.log.report.flight_path import POSITIONS, read_flight_path
 from gloc3.log.report.plot import plot_flight
 from gloc3.log.report.timeline import plot_timelines, read_timelines
@@ -76,11 +76,11 @@ def info(
     topics = TopicTable.installed()
     with LogReader(find_log(file), topics.types) as reader, _progress("reading") as progress:
         found = summarize(reader, topics, progress)
-    print(
+    print(  # noqa: T201
         msgspec.json.format(msgspec.json.encode(found)).decode()
         if json
         else printable(render(found, has_all_events=events))
-    )  # noqa: T201
+    )
     return DONE if found.is_finished and not found.losses else IMPERFECT
 
 
@@ -175,7 +175,7 @@ def recover_(file: Path, out: Path | None = None, /) -> int:
 def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
     """Run a component again on its recorded inputs, and compare its outputs with the recorded ones.
 
-    The exit code is 1 if they differ by more than rounding.
+    Inputs that are not recorded are named. The exit code is 1 if the outputs differ by more than rounding.
 
     Args:
         file: The log, or the folder of a run: its last one.
@@ -195,10 +195,10 @@ def replay_(file: Path, component: str, /, *, platform: str = "") -> int:
             found = read_platform(attached, f"{file.name}/{PLATFORM_FILE}")
         else:
             raise Gloc3Error(f"{file} holds no platform file: set --platform")
-        comparisons = replay(reader, found, component, topics)
+        result = replay(reader, found, component, topics)
         _warn(reader)
-    print(printable(render_comparisons(comparisons)))  # noqa: T201
-    return DONE if all(comparison.is_same for comparison in comparisons) else IMPERFECT
+    print(printable(render_replay(result)))  # noqa: T201
+    return DONE if result.is_same else IMPERFECT
 
 
 @app.command(name="convert", usage="gloc3 log convert FILE --to FORMAT [OPTIONS]")

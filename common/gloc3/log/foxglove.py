@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from gloc3.log.json_schema import Schema
+from gloc3.log.pictures import FORMAT as PICTURE_FORMAT
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.frames import ENU_FROM_NED, IDENTITY, Quaternion, Vector3
 
@@ -103,7 +104,7 @@ def _log(envelope: Envelope[Any]) -> dict[str, Any]:
 
 
 def _image(envelope: Envelope[Any]) -> dict[str, Any]:
-    return {"frame_id": envelope.payload.camera, "encoding": "mono8", "step": envelope.payload.width}
+    return {"frame_id": envelope.payload.camera, "format": PICTURE_FORMAT}
 
 
 _POSE_PROPERTIES: Final = {
@@ -139,8 +140,8 @@ VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
     (
         frozenset({"camera", "width", "height", "data"}),
         FoxgloveView(
-            "foxglove.RawImage",
-            {"timestamp": _TIME, "frame_id": _TEXT, "encoding": _TEXT, "step": _INTEGER},
+            "foxglove.CompressedImage",
+            {"timestamp": _TIME, "frame_id": _TEXT, "format": _TEXT},
             _image,
         ),
     ),

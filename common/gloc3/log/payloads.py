@@ -5,7 +5,7 @@ record cannot carry: `_t_s`, the exact time of validity, and `_not_finite`, the 
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
@@ -13,7 +13,9 @@ import msgspec
 
 from gloc3.log.foxglove import FoxgloveView, timestamp, view_of
 from gloc3.log.json_schema import describe_type
+from gloc3.log.pictures import pack_picture, unpack_picture
 from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.vehicle import Image
 from gloc3.messages.wire import wire_name
 
 NOT_FINITE: Final = "_not_finite"
@@ -34,6 +36,11 @@ def _plain(value: Any) -> Any:
     return to_list() if to_list is not None else f"<{type(value).__name__}>"
 
 
+PACKED: Final[Mapping[type, tuple[Callable[[Any], Any], Callable[[Any], Any]]]] = {
+    Image: (pack_picture, unpack_picture)
+}
+"""Types whose payloads are compressed in the log, and how: to the record and back. It takes milliseconds."""
+
 _encode: Final = msgspec.json.Encoder(enc_hook=_plain).encode
 _encode_sorted: Final = msgspec.json.Encoder(enc_hook=_plain, order="deterministic").encode
 _decode_extras: Final = msgspec.json.Decoder(_Extras).decode
@@ -42,7 +49,7 @@ _decode_extras: Final = msgspec.json.Decoder(_Extras).decode
 class PayloadEncoder:
     """Turns the payloads of one type into records."""
 
-    __slots__ = ("_encode", "_nones", "_separator", "_type", "view")
+    __slots__ = ("_encode", "_nones", "_pack", "_separator", "_type", "view")
 
     def __init__(self, message_type: type[Message]) -> None:
         fields = msgspec.structs.fields(message_type)
@@ -51,8 +58,14 @@ class PayloadEncoder:
         self._type = message_type
         self._encode = _encode_sorted if has_sets else _encode
         self._separator = b"," if fields else b""
+        self._pack = PACKED[message_type][0] if message_type in PACKED else None
         self._nones = _counter_of_nones(tuple(field.name for field in fields if "None" in str(field.type)))
         self.view: Final[FoxgloveView | None] = view_of(message_type)
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether encoding takes so long that the control path must not wait for it."""
+        return self._pack is not None
 
     @property
     def schema(self) -> tuple[str, bytes]:
@@ -65,6 +78,7 @@ class PayloadEncoder:
         """The record of a message; a payload that cannot be written leaves the reason in its place."""
         payload = envelope.payload
         try:
+            payload = payload if self._pack is None else self._pack(payload)
             data = self._encode(payload)
         except (TypeError, ValueError, OverflowError, RecursionError, msgspec.MsgspecError) as error:
             return _encode({"_t_s": envelope.t_s, PROBLEM: f"{type(payload).__name__}: {error}"})
@@ -104,6 +118,7 @@ class PayloadDecoder:
     def __init__(self, message_type: type[Message] | None, view_properties: tuple[str, ...] = ()) -> None:
         self._type = message_type
         self._decode = msgspec.json.Decoder(message_type).decode if message_type else None
+        self._unpack = PACKED[message_type][1] if message_type is not None and message_type in PACKED else None
         self._beside = (NOT_FINITE, "_t_s", *view_properties)
 
     def decode(self, data: bytes) -> Restored:
@@ -115,7 +130,8 @@ class PayloadDecoder:
         extras = _decode_extras(data)
         if self._decode is not None and not extras.not_finite:
             try:
-                return Restored(extras.t_s, self._decode(data))
+                found = self._decode(data)
+                return Restored(extras.t_s, found if self._unpack is None else self._unpack(found))
             except msgspec.ValidationError:
                 pass
         values: dict[str, Any] = msgspec.json.decode(data)

@@ -8,7 +8,10 @@ Everything is on disk within a quarter of a second. In virtual time the same run
 import asyncio
 import os
 import struct
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from math import inf
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal, NamedTuple
 
@@ -30,6 +33,7 @@ from gloc3.log.foxglove import (
     transform,
 )
 from gloc3.log.payloads import PayloadEncoder
+from gloc3.log.selection import TopicChoice, period_s
 from gloc3.log.writer import Compression, LogChannel, McapWriter
 from gloc3.messages.envelope import Envelope, Message, Source
 from gloc3.messages.frames import Quaternion, Vector3
@@ -43,6 +47,9 @@ MISSION: Final = "mission"
 """The metadata record of a loaded mission: `name`, `text`."""
 PLATFORM_FILE: Final = "platform.yaml"
 """The attachment with the platform file, the effective configuration of the run."""
+CAMERAS_FILE: Final = "cameras.json"
+"""The attachment with the models of the cameras by name, as the components of the run had them."""
+MEDIA_TYPES: Final = {".yaml": "application/yaml", ".json": "application/json"}
 REQUESTED_PATH: Final = "requested_path"
 """Metadata record of the path requested by a mission: `points_ned_m`, JSON `[[north, east, down], ...]`."""
 
@@ -55,17 +62,45 @@ class TopicBytes(NamedTuple):
     """Before compression."""
 
 
+MOST_WAITING: Final = 32
+"""Pictures that may wait to be compressed; more are lost."""
+
+
 class _Route:
     """Where the messages of one topic, source and type go; no channel where they are not logged."""
 
-    __slots__ = ("channel", "encode", "frame", "source", "type")
+    __slots__ = ("channel", "due_s", "encode", "frame", "is_slow", "period_s", "source", "type")
 
-    def __init__(self, envelope: Envelope[Any], channel: LogChannel | None, encoder: PayloadEncoder) -> None:
+    def __init__(
+        self, envelope: Envelope[Any], channel: LogChannel | None, encoder: PayloadEncoder, period_s: float
+    ) -> None:
         self.source: Source = envelope.source
         self.type = envelope.type
         self.frame = envelope.frame
         self.channel = channel
         self.encode = encoder.encode
+        self.is_slow = encoder.is_slow
+        self.period_s = period_s
+        """Shortest time between two recorded messages; 0 for all of them."""
+        self.due_s = -inf
+
+    def is_due(self, t_s: float) -> bool:
+        """Whether a message of that time is recorded; the mean rate is kept although times of messages jitter."""
+        period_s, early_s = self.period_s, self.due_s - t_s
+        if 0.25 * period_s < early_s < 2.0 * period_s:
+            return False
+        self.due_s = (self.due_s if abs(early_s) < period_s else t_s) + period_s
+        return True
+
+
+class _Waiting(NamedTuple):
+    """A message that a worker encodes."""
+
+    data: Future[bytes]
+    channel: LogChannel
+    sequence: int
+    log_ns: int
+    publish_ns: int
 
 
 class Recorder:
@@ -79,6 +114,7 @@ class Recorder:
         metadata: Mapping[str, str],
         compression: Compression = "zstd",
         flush_s: float = FLUSH_S,
+        chosen: Mapping[str, TopicChoice] | None = None,
     ) -> None:
         """Starts a log.
 
@@ -89,6 +125,7 @@ class Recorder:
             metadata: description of the log, such as the platform's name; no paths, no dates.
             compression: of the messages.
             flush_s: longest time that a message stays in memory.
+            chosen: patterns of topics (without the platform's name) that are recorded differently from their rows.
 
         Raises:
             Gloc3Error: the file cannot be written.
@@ -102,12 +139,16 @@ class Recorder:
         self._flush_every_s = flush_s
         self._now_s = clock.now_s
         self._topics = topics
+        self._chosen = dict(chosen or {})
         self._offset_ns: Final = round(clock.utc_offset_s * 1e9)
         self._writer = McapWriter(self._stream, compression)
         self._encoders: dict[type[Message], PayloadEncoder] = {}
         self._current: dict[str, _Route] = {}
         self._routes: dict[tuple[str, Source, str, str], _Route] = {}
         self._raw: dict[tuple[str, str], tuple[LogChannel, list[int]]] = {}
+        self._made: dict[tuple[str, Source, str, str], LogChannel] = {}
+        self._worker: ThreadPoolExecutor | None = None
+        self._waiting: deque[_Waiting] = deque()
         self._channels: list[LogChannel] = []
         self._shown: dict[str, LogChannel] = {}
         self._subscriptions: list[Unsubscribe] = []
@@ -140,8 +181,13 @@ class Recorder:
         return path.open("wb") if clock.is_virtual else DiskFile(path)
 
     def attach(self, exchange: Exchange, loop: asyncio.AbstractEventLoop | None = None) -> None:
-        """Records all messages that pass an exchange; with a loop, also flushes periodically."""
+        """Records all messages that pass an exchange; with a loop, also flushes periodically.
+
+        In wall time with a loop, pictures are compressed in a thread.
+        """
         self._subscriptions.append(exchange.subscribe("**", self.record))
+        if loop is not None and not self._clock.is_virtual and self._worker is None:
+            self._worker = ThreadPoolExecutor(1, "log pictures")
         if loop is not None and self._timer is None:
             self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
 
@@ -150,6 +196,7 @@ class Recorder:
         if now_s - self._flushed_s >= 0.99 * self._flush_every_s and self._is_open:
             self._flushed_s = now_s
             try:
+                self._append_encoded(is_waiting=False)
                 self._writer.flush()
             except OSError as error:
                 self._fail(error)
@@ -167,11 +214,14 @@ class Recorder:
         """Finishes the file, with its index. What comes later is not recorded."""
         self.detach()
         if self._is_open:
-            self._is_open = False
             try:
+                self._append_encoded(is_waiting=True)
+                self._is_open = False
                 self._writer.finish()
             except OSError as error:
                 self._fail(error)
+        if self._worker is not None:
+            self._worker.shutdown()
         if self._is_owner:
             try:
                 self._stream.close()
@@ -210,15 +260,48 @@ class Recorder:
         if not self._is_open:
             self.lost += 1
             return
+        if route.period_s and not route.is_due(envelope.t_s):
+            return
         offset_ns = self._offset_ns
         try:
             publish_ns = offset_ns + round(envelope.t_s * 1e9)
+            if route.is_slow and self._worker is not None:
+                self._encode_later(route, channel, envelope, publish_ns)
+                return
             data = route.encode(envelope, publish_ns)
             self._writer.append(channel, envelope.sequence, offset_ns + round(self._now_s() * 1e9), publish_ns, data)
         except OSError as error:
             self._fail(error)
         except (ValueError, OverflowError, struct.error):  # a time or a sequence that no log can hold
             self.lost += 1
+
+    def _encode_later(self, route: _Route, channel: LogChannel, envelope: Envelope[Any], publish_ns: int) -> None:
+        """Has a worker encode a message; it is in the log after the next flush, with the time of now."""
+        if len(self._waiting) >= MOST_WAITING or self._worker is None:
+            self.lost += 1
+            return
+        data = self._worker.submit(route.encode, envelope, publish_ns)
+        log_ns = self._offset_ns + round(self._now_s() * 1e9)
+        self._waiting.append(_Waiting(data, channel, envelope.sequence, log_ns, publish_ns))
+
+    def _append_encoded(self, *, is_waiting: bool) -> None:
+        """Appends what the worker has encoded; or waits for all of it."""
+        while self._waiting and (is_waiting or self._waiting[0].data.done()):
+            one = self._waiting.popleft()
+            try:
+                self._writer.append(one.channel, one.sequence, one.log_ns, one.publish_ns, one.data.result())
+            except (ValueError, struct.error):  # a time or a sequence that no log can hold
+                self.lost += 1
+
+    def select(self, chosen: Mapping[str, TopicChoice]) -> None:
+        """Changes which topics are recorded, from now on.
+
+        Args:
+            chosen: patterns of topics (without the platform's name) that are recorded differently from their rows.
+        """
+        self._chosen = dict(chosen)
+        self._current.clear()
+        self._routes.clear()
 
     def record_mavlink(self, link: str, direction: Literal["in", "out"], frame: bytes, now_s: float) -> None:
         """Records a raw frame of a MAVLink link on the channel `mavlink/LINK/DIRECTION`."""
@@ -270,10 +353,14 @@ class Recorder:
         row = self._topics.row(envelope.topic)
         if row is None:
             self.unknown += [] if envelope.topic in self.unknown else [envelope.topic]
-        elif not row.is_logged:
-            return _Route(envelope, None, encoder)
+        least_s = period_s(envelope.topic.partition("/")[2], row, self._chosen)
+        if least_s is None:
+            return _Route(envelope, None, encoder, 0.0)
         if not self._is_open:
             return None
+        key = (envelope.topic, source, envelope.frame, envelope.type)
+        if (made := self._made.get(key)) is not None:
+            return _Route(envelope, made, encoder, least_s)
         metadata = {
             "platform": source.platform,
             "component": source.component,
@@ -283,7 +370,8 @@ class Recorder:
         }
         channel = self._writer.add_channel(envelope.topic, "json", metadata, encoder.schema)
         self._channels.append(channel)
-        return _Route(envelope, channel, encoder)
+        self._made[key] = channel
+        return _Route(envelope, channel, encoder, least_s)
 
     # --- beside the messages ---
 
@@ -291,9 +379,10 @@ class Recorder:
         """Writes a metadata record."""
         self._guarded(lambda: self._writer.add_metadata(name, values))
 
-    def attach_file(self, name: str, media_type: str, data: bytes) -> None:
+    def attach_file(self, name: str, data: bytes) -> None:
         """Puts a file into the log, such as the platform file."""
         now_ns = self._offset_ns + round(self._now_s() * 1e9)
+        media_type = MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
         self._guarded(lambda: self._writer.add_attachment(name, media_type, data, now_ns))
 
     def write_transform(self, parent: str, child: str, translation_m: Vector3, parent_from_child: Quaternion) -> None:

@@ -91,3 +91,5 @@ class ComputerState(Message, frozen=True):
     """The computer's UTC minus our time."""
     links: list[LinkCondition] = []
     sensors: list[SensorCondition] = []
+    log_mb_per_min: float = 0.0
+    """How fast the log grows, in 10^6 bytes a minute; 0 where that is not known yet."""

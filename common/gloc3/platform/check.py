@@ -10,7 +10,7 @@ from gloc3.component.deployment import ComponentRow, Problem, problems_of
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where
 from gloc3.errors import Finding, Gloc3Error, nearest
-from gloc3.messages.topics import TopicTable
+from gloc3.messages.topics import TopicTable, matches
 from gloc3.messages.vehicle import Manoeuvre, Setpoint
 from gloc3.mission.model.arguments import argument_kinds
 from gloc3.mission.model.model import ActionFile
@@ -33,6 +33,8 @@ def findings_of(
         *_devices(platform, document),
         *_places(platform, document),
     ]
+    if is_loading_classes:
+        found += _logged(platform, document)
     if is_loading_classes:
         found += _needs(platform, document)
         found += _performers(platform, document)
@@ -63,6 +65,15 @@ def _devices(platform: Platform, document: Document) -> Iterator[Finding]:
         if name not in used and not is_of_pair:
             message = f"no component uses a device {name!r}, so {source} is not read"
             yield document.finding(("devices", name), message, nearest(name, used), at_key=True, is_warning=True)
+
+
+def _logged(platform: Platform, document: Document) -> Iterator[Finding]:
+    """Patterns that fit no topic."""
+    known = sorted({*platform.topics(), *(name for name, _ in TopicTable.installed())})
+    for pattern in platform.log:
+        if not any(matches(pattern, topic) or matches(topic, pattern) for topic in known):
+            message = f"no topic fits {pattern!r}, so nothing of it is recorded"
+            yield document.finding(("log", pattern), message, nearest(pattern, known), at_key=True)
 
 
 def _places(platform: Platform, document: Document) -> Iterator[Finding]:

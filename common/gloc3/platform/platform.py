@@ -8,6 +8,7 @@ import msgspec
 from gloc3.camera.model import CameraModel
 from gloc3.component.deployment import ComponentRow, FaultPolicy
 from gloc3.errors import Gloc3Error
+from gloc3.log.selection import TopicChoice
 from gloc3.messages.frames import GeoPoint, LocalFrame
 from gloc3.platform.limits import Limits, PlatformRow, Positive, Power, Share
 
@@ -127,6 +128,9 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     """Members of the network for whom the signing keys of MAVLink links stand: the key's file, relative to this one."""
     hosts: dict[Name, HostRow] = {}
     """Computers that the components run on; empty for a single one."""
+    log: dict[str, TopicChoice] = {}
+    """Topics that are recorded differently from their rows, by name or pattern such as `camera/*`: true, false, or at
+    most so many messages a second."""
     components: tuple[ComponentRow, ...] = ()
 
     def local_frames(self) -> dict[str, LocalFrame]:

@@ -15,6 +15,9 @@ LITTLE_FREE_MB: Final = 2_000.0
 LEAST_WRITE_MB_S: Final = 1.0
 """Write speed below which the log falls behind: it needs some 0.1 MB/s, plus pictures."""
 LITTLE_WRITE_MB_S: Final = 5.0
+LEAST_LOG_MIN: Final = 10.0
+"""The disk is full sooner than a flight ends."""
+LITTLE_LOG_MIN: Final = 60.0
 CLOCKS_AGREE_S: Final = 1.0
 
 
@@ -58,7 +61,21 @@ def _disk(computer: ComputerState) -> Iterator[Check]:
         advice = "free disk space, then restart gloc3 onboard: this flight would not be recorded"
         yield Check(GROUP, "log", Verdict.RED, computer.log_problem, advice)
     else:
-        yield Check(GROUP, "log", Verdict.OK, "is being written")
+        yield _log(computer)
+
+
+def _log(computer: ComputerState) -> Check:
+    """How fast the log grows, and how long the disk has room for it."""
+    mb_per_min = computer.log_mb_per_min
+    if mb_per_min <= 0.0:
+        return Check(GROUP, "log", Verdict.OK, "is being written")
+    minutes = computer.disk_free_mb / mb_per_min
+    room = f"{minutes:.0f} min" if minutes < 120.0 else f"{minutes / 60.0:.0f} h"
+    finding = f"is being written: {mb_per_min:.1f} MB/min, room for {room}"
+    if minutes >= LITTLE_LOG_MIN:
+        return Check(GROUP, "log", Verdict.OK, finding)
+    advice = "free disk space, or record fewer topics (`log:` of the platform file)"
+    return Check(GROUP, "log", Verdict.RED if minutes < LEAST_LOG_MIN else Verdict.WARNING, finding, advice)
 
 
 def _clock(readings: Readings, computer: ComputerState) -> Check:

@@ -9,8 +9,8 @@ from typing import Annotated
 import msgspec
 from cyclopts import App, Parameter
 
-from gloc3.documents.characters import printable
 from gloc3.cli.narration import narrate
+from gloc3.documents.characters import printable
 from gloc3.errors import Refused
 from gloc3.messages.preflight import Check, summary, worst
 from gloc3.platform.reader import find_platform, load_platform

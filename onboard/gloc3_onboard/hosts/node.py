@@ -33,6 +33,7 @@ from gloc3_onboard.process.run_log import LogLimits, RunLog
 from gloc3_onboard.process.runner import HostMember, Onboard
 from gloc3_onboard.process.storage import PictureFolder
 from gloc3_onboard.sensors.registry import SourceHost
+from gloc3_onboard.sensors.rig import log_attachments
 
 
 class BootTime:
@@ -118,10 +119,11 @@ class HostNode:
                 exchange.here,
                 loop,
                 {"platform": platform.platform, "host": place.host, "process": place.process},
-                whole_text(options.platform).encode(),
+                log_attachments(whole_text(options.platform), platform, self._sensors.rig),
                 list,
                 report,
                 has_links=False,
+                chosen=platform.log,
             )
         except OSError as error:
             raise Refused(f"the folder {logs} cannot be written: {error.strerror}") from error

@@ -2,12 +2,14 @@
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Final
 
 from gloc3.clock import Clock
+from gloc3.errors import Refused
+from gloc3.log.selection import TopicChoice, TopicLog
 from gloc3.messages.readiness import ComputerState, LinkCondition, SensorCondition
 
 MEASURED_BYTES: Final = 4_000_000
@@ -47,6 +49,7 @@ class HostComputer:
         log_problem: returns why logging has stopped; empty while it runs.
         links: returns the state of the links.
         sensors: returns the conditions of the sensors.
+        log: the log of the process, if it has one.
     """
 
     def __init__(
@@ -56,8 +59,9 @@ class HostComputer:
         log_problem: Callable[[], str] = lambda: "",
         links: Callable[[], list[LinkCondition]] = list,
         sensors: Callable[[], list[SensorCondition]] = list,
+        log: TopicLog | None = None,
     ) -> None:
-        self._sensors = sensors
+        self._sensors, self._log = sensors, log
         self._folder, self._clock = folder, clock
         self._log_problem, self._links = log_problem, links
         self._write_mb_s = 0.0
@@ -89,10 +93,19 @@ class HostComputer:
             disk_write_mb_s=round(self._write_mb_s, 2),
             disk_problem=self._problem,
             log_problem=self._log_problem(),
+            log_mb_per_min=0.0 if self._log is None else round(self._log.mb_per_min, 3),
             utc_minus_t_s=round(self._clock.utc_s() - self._clock.now_s(), 3),
             links=self._links(),
             sensors=self._sensors(),
         )
+
+    def select(self, chosen: Mapping[str, TopicChoice]) -> Mapping[str, TopicChoice]:
+        """Changes what the log records.
+
+        Raises:
+            Refused: there is no log, or a pattern fits no topic.
+        """
+        return _select(self._log, chosen)
 
 
 class SimulatedComputer:
@@ -101,12 +114,29 @@ class SimulatedComputer:
     Args:
         clock: virtual clock.
         sensors: returns the conditions of the sensors.
+        log: the log of the flight, if there is one.
     """
 
-    def __init__(self, clock: Clock, sensors: Callable[[], list[SensorCondition]] = list) -> None:
-        self._clock, self._sensors = clock, sensors
+    def __init__(
+        self, clock: Clock, sensors: Callable[[], list[SensorCondition]] = list, log: TopicLog | None = None
+    ) -> None:
+        self._clock, self._sensors, self._log = clock, sensors, log
 
     def state(self) -> ComputerState:
         """How it is now: only its sensors can change."""
         offset_s = round(self._clock.utc_offset_s, 3)
         return ComputerState(is_simulated=True, utc_minus_t_s=offset_s, sensors=self._sensors())
+
+    def select(self, chosen: Mapping[str, TopicChoice]) -> Mapping[str, TopicChoice]:
+        """Changes what the log records.
+
+        Raises:
+            Refused: there is no log, or a pattern fits no topic.
+        """
+        return _select(self._log, chosen)
+
+
+def _select(log: TopicLog | None, chosen: Mapping[str, TopicChoice]) -> Mapping[str, TopicChoice]:
+    if log is None:
+        raise Refused("no log is being written")
+    return log.select(chosen)

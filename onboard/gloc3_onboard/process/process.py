@@ -142,7 +142,12 @@ class OnboardProcess:
         self._watch = watch_sensors(self.vehicle.parts, self._sensors, context.clock.now_s)
         self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)
         self._computer = HostComputer(
-            storage.logs, context.clock, self._log_problem, self.vehicle.link_conditions, self._sensor_conditions
+            storage.logs,
+            context.clock,
+            self._log_problem,
+            self.vehicle.link_conditions,
+            self._sensor_conditions,
+            storage,
         )
 
     def _inputs(self, context: HostContext) -> VehicleInputs:

@@ -11,6 +11,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.errors import UNREADABLE, Finding, InputError, Refused
+from gloc3.log.selection import TopicChoice
 from gloc3.mavlink.services.files.ftp_files import Files
 from gloc3.mavlink.signing import MAY_BE_OFF, TICKS_PER_S, Signing, Stream, Streams, timestamp
 from gloc3.mavlink.signing_key import read_signing_key
@@ -32,6 +33,7 @@ from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.run_log import RunLog
 from gloc3_onboard.process.storage import PictureFolder
 from gloc3_onboard.sensors.devices import Rig
+from gloc3_onboard.sensors.rig import log_attachments
 
 AHEAD: Final = 4 * TICKS_PER_S
 """Margin added to stored timestamps, so that not every frame is written to disk; after a crash, peers are accepted
@@ -181,7 +183,7 @@ class ProcessStorage:
         Raises:
             Refused: a folder cannot be written.
         """
-        log = self._log = parts.add("run log", self._open_log(path))
+        log = self._log = parts.add("run log", self._open_log(path, rig))
         parts.add("signing memory", self._signing)
         return Storage(
             journal=RecordFile(self.out / "requests.journal"),
@@ -199,7 +201,7 @@ class ProcessStorage:
             worker=ThreadPoolExecutor(1, "mission check"),
         )
 
-    def _open_log(self, path: Callable[[], Sequence[Vector3]]) -> RunLog:
+    def _open_log(self, path: Callable[[], Sequence[Vector3]], rig: Rig) -> RunLog:
         for folder in (self.out, self.logs):
             if folder.is_file():
                 raise Refused(f"{folder} is a file, not a folder")
@@ -215,12 +217,28 @@ class ProcessStorage:
                 context.exchange.here,
                 context.loop,
                 {"platform": self._platform.platform},
-                whole_text(self._options.platform).encode(),
+                log_attachments(whole_text(self._options.platform), self._platform, rig),
                 path,
                 self._report,
+                chosen=self._platform.log,
             )
         except OSError as error:
             raise Refused(f"{error.filename or self.logs} cannot be written: {error.strerror}") from error
+
+    def select(self, chosen: Mapping[str, TopicChoice]) -> Mapping[str, TopicChoice]:
+        """Changes what the log records.
+
+        Raises:
+            Refused: a pattern fits no topic, or there is no log yet.
+        """
+        if self._log is None:
+            raise Refused("no log is being written")
+        return self._log.select(chosen)
+
+    @property
+    def mb_per_min(self) -> float:
+        """How fast the log grows."""
+        return 0.0 if self._log is None else self._log.mb_per_min
 
     @property
     def log(self) -> Path | None:

@@ -1,7 +1,8 @@
 """The log of a run of the onboard process: a new file when one has grown large, the oldest deleted beyond a total."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
@@ -12,7 +13,8 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange
 from gloc3.log.disk_file import DiskFile
-from gloc3.log.record import PLATFORM_FILE, Recorder
+from gloc3.log.record import Recorder
+from gloc3.log.selection import TopicChoice, merged
 from gloc3.mavlink.tlog import is_secret, tlog_record
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
@@ -21,6 +23,8 @@ from gloc3_onboard.process.log_files import LogFiles
 
 FLUSH_S: Final = 1.0
 POLL_PERIOD_S: Final = 1.0
+MEASURED_S: Final = 60.0
+"""So long is the growth of the log measured."""
 PRUNE_EVERY: Final = 10
 """Looks: other processes' logs grow, too."""
 MEGABYTE: Final = 1_000_000
@@ -122,10 +126,11 @@ class RunLog:
         exchange: recorded exchange.
         loop: the process's event loop.
         metadata: metadata of each file.
-        platform_file: stored in each file.
+        files: stored in each file, by name.
         path: returns the path requested so far, stored at the end of each file.
         report: called with messages for people.
         has_links: whether the process has MAVLink links, whose frames are kept.
+        chosen: topics that are recorded differently from their rows.
 
     Raises:
         Refused: the folder cannot be written.
@@ -140,11 +145,12 @@ class RunLog:
         exchange: Exchange,
         loop: asyncio.AbstractEventLoop,
         metadata: dict[str, str],
-        platform_file: bytes,
+        attached: Mapping[str, bytes],
         path: Callable[[], Sequence[Vector3]],
         report: Callable[[Severity, str], None],
         *,
         has_links: bool = True,
+        chosen: Mapping[str, TopicChoice] | None = None,
     ) -> None:
         self._files, self._limits, self._clock, self._topics = files, limits, clock, topics
         self._exchange, self._loop, self._metadata, self._requested, self._report = (
@@ -154,7 +160,11 @@ class RunLog:
             path,
             report,
         )
-        self._platform_file, self._has_links = platform_file, has_links
+        self._attached, self._has_links = attached, has_links
+        self._chosen = dict(chosen or {})
+        self._sizes: deque[tuple[float, int]] = deque()
+        """Bytes written since the begin, once a second, for as long as growth is measured."""
+        self._finished_bytes = 0
         self._closing: asyncio.Future[str] | None = None
         self.path = files.next()
         """Of the file that is written now."""
@@ -177,6 +187,24 @@ class RunLog:
         """The files that are still being written, or finished in a thread."""
         paths = {self.path} if self._closing is None or self._closing.done() else {self.path, self._before}
         return paths | {path.with_suffix(".tlog") for path in paths}
+
+    def select(self, chosen: Mapping[str, TopicChoice]) -> Mapping[str, TopicChoice]:
+        """Changes what is recorded of some topics, in later files, too.
+
+        Raises:
+            Refused: a pattern fits no topic.
+        """
+        self._chosen = merged(self._chosen, chosen, self._topics)
+        self._recorder.select(self._chosen)
+        return self._chosen
+
+    @property
+    def mb_per_min(self) -> float:
+        """How fast the log and the frames beside it have grown in the last minute; 0 in the first seconds."""
+        if len(self._sizes) < 2:
+            return 0.0
+        (begin_s, first), (end_s, last) = self._sizes[0], self._sizes[-1]
+        return (last - first) / MEGABYTE * 60.0 / max(end_s - begin_s, POLL_PERIOD_S)
 
     def cut(self) -> None:
         """Ends the current file and starts the next.
@@ -205,14 +233,15 @@ class RunLog:
 
     def _begin(self, path: Path, before: str) -> tuple[Recorder, Traffic | None]:
         metadata = {**self._metadata, CONTINUES: before} if before else self._metadata
-        recorder = Recorder(path, self._clock, self._topics, metadata)
+        recorder = Recorder(path, self._clock, self._topics, metadata, chosen=self._chosen)
         try:
             tlog = path.with_suffix(".tlog")
             traffic = Traffic(tlog, recorder, self._clock, self._loop, self._warn) if self._has_links else None
         except Refused:
             recorder.close()
             raise
-        recorder.attach_file(PLATFORM_FILE, "application/yaml", self._platform_file)
+        for name, data in self._attached.items():
+            recorder.attach_file(name, data)
         recorder.attach(self._exchange, self._loop)
         return recorder, traffic
 
@@ -228,7 +257,9 @@ class RunLog:
         limit = self._limits.file_mb * MEGABYTE
         try:
             paths = (self.path, self.path.with_suffix(".tlog")) if self._has_links else (self.path,)
-            size = max(path.stat().st_size for path in paths)
+            sizes = [path.stat().st_size for path in paths]
+            size = max(sizes)
+            self._measure(sum(sizes))
         except OSError:  # somebody has deleted it: what is still written goes nowhere
             size = int(limit) + 1
         self._polls += 1
@@ -236,6 +267,13 @@ class RunLog:
             self._prune()
         if limit and size > limit and not self._recorder.problem and (self._closing is None or self._closing.done()):
             self._go_on()
+
+    def _measure(self, written: int) -> None:
+        """Notes how much has been written."""
+        now_s = self._clock.now_s()
+        self._sizes.append((now_s, self._finished_bytes + written))
+        while self._sizes[0][0] < now_s - MEASURED_S:
+            self._sizes.popleft()
 
     def _go_on(self) -> None:
         """Begins the next file at once; the one before is finished in a thread, since a disk may take long."""
@@ -249,6 +287,7 @@ class RunLog:
             self._limits = msgspec.structs.replace(self._limits, file_mb=0.0)
             return
         self.path = path
+        self._finished_bytes = self._sizes[-1][1] if self._sizes else 0
         recorder.detach()
         if traffic is not None:
             traffic.end()

@@ -33,6 +33,7 @@ from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_onboard.process.runner import HOST_DEVICES
+from gloc3_onboard.sensors.rig import log_attachments
 from gloc3_sitl.faults.sabotage import FaultInjector, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
@@ -90,11 +91,11 @@ class Flight:
             random,
             self.fault_injector.cost_s,
         )
-        self.log: Final = self._open_log()
         world = self._world()
         self.simulator: Final = self._simulator(world)
         self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
         """The cameras and the laser scanner; they cost nothing until they are opened."""
+        self.log: Final = self._open_log()
         self._requests: set[asyncio.Task[Any]] = set()
         """Commands that have not been answered."""
         self._ground_boot = random.getrandbits(32)
@@ -125,8 +126,9 @@ class Flight:
         metadata |= {"wind": msgspec.json.encode(plan.wind).decode()} if plan.wind != CALM else {}
         beside = {"waves_m": plan.waves_m, "current_m_s": plan.current_m_s}
         metadata |= {name: f"{value:g}" for name, value in beside.items() if value}
-        file = whole_text(plan.platform).encode()
-        return FlightRecording(plan.out, self.context, metadata, file, self.mission.text)
+        attached = log_attachments(whole_text(plan.platform), self.platform, self.rig)
+        attached |= {"mission.yaml": self.mission.text.encode()}
+        return FlightRecording(plan.out, self.context, metadata, attached, self.platform.log)
 
     def _world(self) -> World:
         """The requested world, or the one of the mission's frame."""

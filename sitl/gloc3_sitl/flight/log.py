@@ -1,11 +1,14 @@
 """The log of a flight in virtual time."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 from gloc3.component.context import HostContext
 from gloc3.component.workers import ImmediateExecutor
-from gloc3.log.record import PLATFORM_FILE, Recorder
+from gloc3.errors import Refused
+from gloc3.log.record import Recorder
+from gloc3.log.selection import TopicChoice, merged
 from gloc3_onboard.command_server.log_shelf import LogStore, LogStoreBase, NoLogStore
 from gloc3_onboard.process.log_files import LogFiles
 
@@ -20,17 +23,25 @@ class FlightRecording:
         folder: of the log; None to write none.
         context: the flight's context.
         metadata: the log's metadata.
-        platform_file: stored in the log.
-        mission: stored in the log as text.
+        attached: files stored in the log, by name.
+        chosen: topics that are recorded differently from their rows.
     """
 
+    mb_per_min = 0.0
+    """Not measured: it is no matter of virtual time."""
+
     def __init__(
-        self, folder: Path | None, context: HostContext, metadata: dict[str, str], platform_file: bytes, mission: str
+        self,
+        folder: Path | None,
+        context: HostContext,
+        metadata: dict[str, str],
+        attached: Mapping[str, bytes],
+        chosen: Mapping[str, TopicChoice],
     ) -> None:
         self.path = None if folder is None else folder / "log.mcap"
         """Of the file that is being written."""
         self._context, self._metadata = context, metadata
-        self._platform_file, self._mission = platform_file, mission
+        self._attached, self._chosen = attached, dict(chosen)
         self.recorder = self._open()
 
     def _open(self) -> Recorder | None:
@@ -38,11 +49,25 @@ class FlightRecording:
             return None
         context = self._context
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        recorder = Recorder(self.path, context.clock, context.topics, self._metadata, flush_s=FLUSH_S)
-        recorder.attach_file(PLATFORM_FILE, "application/yaml", self._platform_file)
-        recorder.attach_file("mission.yaml", "application/yaml", self._mission.encode())
+        recorder = Recorder(
+            self.path, context.clock, context.topics, self._metadata, flush_s=FLUSH_S, chosen=self._chosen
+        )
+        for name, data in self._attached.items():
+            recorder.attach_file(name, data)
         recorder.attach(context.exchange, context.loop)
         return recorder
+
+    def select(self, chosen: Mapping[str, TopicChoice]) -> Mapping[str, TopicChoice]:
+        """Changes what is recorded of some topics.
+
+        Raises:
+            Refused: there is no log, or a pattern fits no topic.
+        """
+        if self.recorder is None:
+            raise Refused("no log is being written")
+        self._chosen = merged(self._chosen, chosen, self._context.topics)
+        self.recorder.select(self._chosen)
+        return self._chosen
 
     def cut(self) -> None:
         """Ends the current file and starts the next."""

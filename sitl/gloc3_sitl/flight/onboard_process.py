@@ -205,7 +205,7 @@ class FlightProcess:
             vehicle.share(Folders({LOGS: LogFolder(plan.out, is_writable=False)}))
         sensors = self._sensors()
         watch = watch_sensors(vehicle.parts, sensors, self._context.loop.time)
-        computer = SimulatedComputer(self._context.clock, watch.conditions)
+        computer = SimulatedComputer(self._context.clock, watch.conditions, self._log)
         self.onboard = vehicle.host(sensors, computer, self.storage, Hosting(create=self._create))
         vehicle.begin()
 

@@ -3,7 +3,7 @@
 import io
 import types
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from random import Random
 from typing import Any
@@ -13,6 +13,7 @@ import msgspec
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.component.lci import State
 from gloc3.log.record import Recorder
+from gloc3.log.selection import TopicChoice
 from gloc3.messages.envelope import ComponentStatus, Envelope, Event, Kind, Message, Severity, Source
 from gloc3.messages.frames import Vector3
 from gloc3.messages.standard_topics import TOPICS
@@ -66,10 +67,12 @@ def _scalar(kind: Any, random: Random) -> Any:
 class LogInMemory:
     """A recorder in virtual time that writes to memory."""
 
-    def __init__(self, topics: TopicTable | None = None) -> None:
+    def __init__(self, topics: TopicTable | None = None, chosen: Mapping[str, TopicChoice] | None = None) -> None:
         self.loop = VirtualLoop()
         self.stream = io.BytesIO()
-        self.recorder = Recorder(self.stream, Clock(self.loop), topics or TopicTable(TOPICS), {"platform": "pelican"})
+        self.recorder = Recorder(
+            self.stream, Clock(self.loop), topics or TopicTable(TOPICS), {"platform": "pelican"}, chosen=chosen
+        )
         self.sent: list[Envelope[Any]] = []
         self.sequences: dict[tuple[str, Source], int] = {}
 

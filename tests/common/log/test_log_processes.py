@@ -28,7 +28,7 @@ async def run(seconds: float, is_telling: bool) -> None:
     exchange, random = LocalExchange(), Random(3)
     recorder = Recorder(Path(sys.argv[1]), Clock(loop), TopicTable(), {"platform": "pelican"})
     recorder.attach(exchange, loop)
-    recorder.attach_file("mission.yaml", "application/yaml", b"mission: hop")
+    recorder.attach_file("mission.yaml", b"mission: hop")
     publishers = [Publisher(exchange, "pelican", name, random.getrandbits(32)) for name in ("ground", "pose")]
     start_s = loop.time()
     while loop.time() - start_s < seconds:

@@ -207,3 +207,13 @@ def test_a_file_that_has_the_name_of_an_installed_one_is_told(tmp_path: Path, mo
     load_platform("pelican_rtk.yaml", warn=told.append)
     load_platform("boat", warn=told.append)
     assert told == []
+
+
+def test_topics_of_the_log_are_checked_against_those_that_there_are() -> None:
+    text = (Path(__file__).parents[2] / "data" / "platforms" / "pelican_rtk.yaml").read_text(encoding="utf-8")
+    good = "log: {camera/*: 2, imu: true, pose: false, setpoint_wanted/hold: 0.5}\n"
+    assert read_platform(text + good, "pelican_rtk.yaml", is_loading_classes=True).log["camera/*"] == 2.0
+    (wrong,) = findings(text + "log: {lasers: true}\n", is_loading_classes=True)
+    assert "no topic fits 'lasers'" in wrong
+    assert "did you mean 'laser'" in wrong
+    assert any("imu: expected" in finding for finding in findings(text + "log: {imu: -1}\n"))

@@ -297,6 +297,9 @@ def test_a_position_that_is_missing_old_or_poor_is_told(changes: dict[str, Any],
         ({"disk_write_mb_s": 0.5}, "disk speed", Verdict.RED),
         ({"disk_write_mb_s": 3.0}, "disk speed", Verdict.WARNING),
         ({"disk_write_mb_s": 0.0}, "disk speed", Verdict.UNKNOWN),
+        ({"log_mb_per_min": 100.0}, "log", Verdict.OK),
+        ({"log_mb_per_min": 1_000.0}, "log", Verdict.WARNING),
+        ({"log_mb_per_min": 10_000.0}, "log", Verdict.RED),
         ({"log_problem": "the log cannot be written: no space"}, "log", Verdict.RED),
         ({"utc_minus_t_s": 1010.0}, "clock", Verdict.WARNING),
         ({"utc_minus_t_s": None}, "clock", Verdict.UNKNOWN),
@@ -306,6 +309,13 @@ def test_the_computer_is_looked_at(changes: dict[str, Any], line: str, verdict: 
     check = found(computer=changes)[f"computer: {line}"]
     assert check.verdict is verdict
     assert bool(check.advice) is (verdict in (Verdict.RED, Verdict.WARNING))
+
+
+def test_the_growth_of_the_log_and_the_room_for_it_are_told() -> None:
+    check = found(computer={"log_mb_per_min": 1_000.0})["computer: log"]
+    assert check.finding == "is being written: 1000.0 MB/min, room for 50 min"
+    check = found(computer={"log_mb_per_min": 12.34})["computer: log"]
+    assert check.finding == "is being written: 12.3 MB/min, room for 68 h"
 
 
 @pytest.mark.parametrize(

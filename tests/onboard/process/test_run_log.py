@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gloc3.clock import Clock
+from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.log.reader import LogReader
 from gloc3.log.record import PLATFORM_FILE, RUN
@@ -46,7 +47,7 @@ async def test_a_file_that_has_grown_large_is_followed_by_the_next_and_every_mes
         exchange,
         loop,
         {"platform": "bench"},
-        b"platform: bench\n",
+        {"platform.yaml": b"platform: bench\n"},
         list,
         lambda _, text: said.append(text),
     )
@@ -113,7 +114,7 @@ async def test_a_full_disk_names_every_log_that_has_stopped(tmp_path: Path) -> N
     loop, exchange, said = asyncio.get_running_loop(), LocalExchange(), list[str]()
     files = FullDisk(tmp_path)
     report = lambda _, text: said.append(text)  # noqa: E731 # as above
-    log = RunLog(files, LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, b"", list, report)
+    log = RunLog(files, LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, {}, list, report)
     log.record_frame("a", "in", bytes(range(1, 200)))
     for _ in range(100):
         await asyncio.sleep(0.05)
@@ -122,3 +123,50 @@ async def test_a_full_disk_names_every_log_that_has_stopped(tmp_path: Path) -> N
     assert "log.mcap: " in log.problem
     assert "log.tlog: " in log.problem
     await log.close()
+
+
+async def test_how_fast_the_log_grows_is_measured_over_its_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_log, "POLL_PERIOD_S", 0.05)
+    loop, exchange = asyncio.get_running_loop(), LocalExchange()
+    log = RunLog(
+        LogFiles(tmp_path), LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, {}, list,
+        lambda _, text: None,
+    )  # fmt: skip
+    assert log.mb_per_min == 0.0
+    begin_s, sent = loop.time(), 0
+    for index in range(40):
+        log.record_frame("a", "in", os.urandom(20_000))
+        sent += 2 * 20_000  # into the log, and beside it
+        if index == 20:
+            log.cut()
+        await asyncio.sleep(0.05)
+    expected = sent / 1e6 * 60.0 / (loop.time() - begin_s)
+    assert log.mb_per_min == pytest.approx(expected, rel=0.6)
+    await log.close()
+
+
+async def test_what_the_log_records_is_changed_for_later_files_too(tmp_path: Path) -> None:
+    loop, exchange = asyncio.get_running_loop(), LocalExchange()
+    topics = TopicTable.installed()
+    log = RunLog(
+        LogFiles(tmp_path), LogLimits(), Clock(loop), topics, exchange, loop, {}, {}, list, lambda _, text: None,
+        has_links=False, chosen={"pose": False},
+    )  # fmt: skip
+    talker = Publisher(exchange, "bench", "talker", 1)
+    event = Event(severity=Severity.INFO, text="said")
+    assert log.select({"components/*/event": False}) == {"pose": False, "components/*/event": False}
+    talker.publish("bench/components/talker/event", event, loop.time())
+    log.cut()
+    talker.publish("bench/components/talker/event", event, loop.time())
+    with pytest.raises(Refused, match="no topic fits"):
+        log.select({"poses": True})
+    log.select({"components/*/event": True})
+    talker.publish("bench/components/talker/event", event, loop.time())
+    await log.close()
+    counts = []
+    for name in ("log.mcap", "log-2.mcap"):
+        with LogReader(tmp_path / name) as reader:
+            counts.append(len(list(reader.entries("components/*/event"))))
+    assert counts == [0, 1]

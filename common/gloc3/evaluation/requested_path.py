@@ -1,5 +1,6 @@
 """Collects the requested path from the waypoint controllers' requests, for the log and plots of a flight."""
 
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -32,6 +33,8 @@ class RequestedPath:
 
     def __init__(self, exchange: Exchange, platform: str) -> None:
         self.flights: Final[list[RequestedFlight]] = []
+        self.on_change: Callable[[Sequence[Vector3]], None] | None = None
+        """Called with the whole path when it has become longer."""
         self._position_ned_m: Vector3 = (0.0, 0.0, 0.0)
         self._unsubscribes = [
             exchange.subscribe(f"{platform}/components/*/function", self._receive_request),
@@ -70,6 +73,8 @@ class RequestedPath:
                 is_continued=bool(request.arguments.get("progress")),
             )
         )
+        if self.on_change is not None:
+            self.on_change(self.points_ned_m)
 
     def _report(self, envelope: Envelope[ActionStatus]) -> None:
         status = envelope.payload

@@ -3,4 +3,4 @@
 Recorders use `record`, all others read through `reader`; reports have their own package.
 """
 
-__all__ = ["disk_file", "fields", "foxglove", "info", "payloads", "reader", "record", "selection"]
+__all__ = ["description", "disk_file", "fields", "foxglove", "info", "payloads", "reader", "record", "selection"]

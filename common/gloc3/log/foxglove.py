@@ -5,7 +5,9 @@ Foxglove's schemas has the same meaning, its fields are added and the channel ha
 from the message type's fields: any type with `position_ned_m` and `ned_from_frd` is a pose.
 """
 
+from array import array
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -20,24 +22,34 @@ MAP_FRAME: Final = "map"
 NED_FRAME: Final = "ned"
 MAP_FROM_NED: Final = ENU_FROM_NED
 
-_NUMBER: Final[Schema] = {"type": "number"}
-_TEXT: Final[Schema] = {"type": "string"}
-_INTEGER: Final[Schema] = {"type": "integer"}
-_TIME: Final[Schema] = {"type": "object", "title": "time", "properties": {"sec": _INTEGER, "nsec": _INTEGER}}
-_VECTOR: Final[Schema] = {
+NUMBER: Final[Schema] = {"type": "number"}
+TEXT: Final[Schema] = {"type": "string"}
+INTEGER: Final[Schema] = {"type": "integer"}
+TIME: Final[Schema] = {"type": "object", "title": "time", "properties": {"sec": INTEGER, "nsec": INTEGER}}
+VECTOR: Final[Schema] = {
     "type": "object",
     "title": "foxglove.Vector3",
-    "properties": {"x": _NUMBER, "y": _NUMBER, "z": _NUMBER},
+    "properties": {"x": NUMBER, "y": NUMBER, "z": NUMBER},
 }
-_QUATERNION: Final[Schema] = {
+QUATERNION: Final[Schema] = {
     "type": "object",
     "title": "foxglove.Quaternion",
-    "properties": {"x": _NUMBER, "y": _NUMBER, "z": _NUMBER, "w": _NUMBER},
+    "properties": {"x": NUMBER, "y": NUMBER, "z": NUMBER, "w": NUMBER},
 }
-_POSE: Final[Schema] = {
+POSE: Final[Schema] = {
     "type": "object",
     "title": "foxglove.Pose",
-    "properties": {"position": _VECTOR, "orientation": _QUATERNION},
+    "properties": {"position": VECTOR, "orientation": QUATERNION},
+}
+NUMBERS: Final[Schema] = {"type": "array", "items": NUMBER}
+FLOAT32: Final = 7
+"""Foxglove's number for that type of an element."""
+FAR: Final = 1e30
+"""Greatest coordinate that fits such an element."""
+_FIELD: Final[Schema] = {
+    "type": "object",
+    "title": "foxglove.PackedElementField",
+    "properties": {"name": TEXT, "offset": INTEGER, "type": INTEGER},
 }
 _LEVELS: Final = ("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")
 _LEVEL_OF: Final[Mapping[Severity, int]] = {
@@ -72,11 +84,13 @@ def _quaternion(rotation: Quaternion) -> dict[str, float]:
     return {"x": x, "y": y, "z": z, "w": w}
 
 
+def shown_pose(position: Vector3, rotation: Quaternion) -> dict[str, Any]:
+    """A `foxglove.Pose`."""
+    return {"position": _vector(position), "orientation": _quaternion(rotation)}
+
+
 def _pose(position: Vector3, rotation: Quaternion, frame: str) -> dict[str, Any]:
-    return {
-        "frame_id": frame or NED_FRAME,
-        "pose": {"position": _vector(position), "orientation": _quaternion(rotation)},
-    }
+    return {"frame_id": frame or NED_FRAME, "pose": shown_pose(position, rotation)}
 
 
 def _location(envelope: Envelope[Any]) -> dict[str, Any]:
@@ -97,6 +111,11 @@ def _fix(envelope: Envelope[Any]) -> dict[str, Any]:
     }
 
 
+def _satellite_fix(envelope: Envelope[Any]) -> dict[str, Any]:
+    latitude, longitude, altitude = envelope.payload.place_geo
+    return {"frame_id": envelope.frame or NED_FRAME, "latitude": latitude, "longitude": longitude, "altitude": altitude}
+
+
 def _log(envelope: Envelope[Any]) -> dict[str, Any]:
     event = envelope.payload
     name = getattr(event, "source", "") or envelope.source.component
@@ -107,17 +126,42 @@ def _image(envelope: Envelope[Any]) -> dict[str, Any]:
     return {"frame_id": envelope.payload.camera, "format": PICTURE_FORMAT}
 
 
+def _scan(envelope: Envelope[Any]) -> dict[str, Any]:
+    scan = envelope.payload
+    ranges = array("f", scan.ranges_m[: len(scan.ranges_m) // 4 * 4])
+    return {
+        "frame_id": scan.scanner,
+        "pose": shown_pose((0.0, 0.0, 0.0), IDENTITY),
+        "start_angle": scan.angle_min_rad,
+        "end_angle": scan.angle_min_rad + scan.angle_step_rad * max(len(ranges) - 1, 0),
+        "ranges": [each if isfinite(each) else scan.range_max_m for each in ranges],
+        "intensities": [],
+    }
+
+
+def _obstacles(envelope: Envelope[Any]) -> dict[str, Any]:
+    scan = envelope.payload
+    points = [each for north, east in scan.points_ne_m for each in (north, east, -scan.height_m)]
+    return {
+        "frame_id": NED_FRAME,
+        "pose": shown_pose((0.0, 0.0, 0.0), IDENTITY),
+        "point_stride": 12,
+        "fields": [{"name": axis, "offset": 4 * index, "type": FLOAT32} for index, axis in enumerate("xyz")],
+        "data": array("f", [max(-FAR, min(FAR, each)) for each in points]).tobytes(),
+    }
+
+
 _POSE_PROPERTIES: Final = {
-    "timestamp": _TIME,
-    "frame_id": _TEXT,
-    "pose": _POSE,
+    "timestamp": TIME,
+    "frame_id": TEXT,
+    "pose": POSE,
 }
 _FIX_PROPERTIES: Final = {
-    "timestamp": _TIME,
-    "frame_id": _TEXT,
-    "latitude": _NUMBER,
-    "longitude": _NUMBER,
-    "altitude": _NUMBER,
+    "timestamp": TIME,
+    "frame_id": TEXT,
+    "latitude": NUMBER,
+    "longitude": NUMBER,
+    "altitude": NUMBER,
 }
 
 VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
@@ -141,7 +185,7 @@ VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
         frozenset({"camera", "width", "height", "data"}),
         FoxgloveView(
             "foxglove.CompressedImage",
-            {"timestamp": _TIME, "frame_id": _TEXT, "format": _TEXT},
+            {"timestamp": TIME, "frame_id": TEXT, "format": TEXT},
             _image,
         ),
     ),
@@ -149,18 +193,50 @@ VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
         frozenset({"latitude_deg", "longitude_deg", "altitude_m"}),
         FoxgloveView("foxglove.LocationFix", _FIX_PROPERTIES, _fix),
     ),
+    (
+        frozenset({"scanner", "ranges_m", "angle_min_rad", "angle_step_rad"}),
+        FoxgloveView(
+            "foxglove.LaserScan",
+            {
+                "timestamp": TIME,
+                "frame_id": TEXT,
+                "pose": POSE,
+                "start_angle": NUMBER,
+                "end_angle": NUMBER,
+                "ranges": NUMBERS,
+                "intensities": NUMBERS,
+            },
+            _scan,
+        ),
+    ),
+    (
+        frozenset({"points_ne_m", "height_m"}),
+        FoxgloveView(
+            "foxglove.PointCloud",
+            {
+                "timestamp": TIME,
+                "frame_id": TEXT,
+                "pose": POSE,
+                "point_stride": INTEGER,
+                "fields": {"type": "array", "items": _FIELD},
+                "data": {"type": "string", "contentEncoding": "base64"},
+            },
+            _obstacles,
+        ),
+    ),
+    (frozenset({"place_geo"}), FoxgloveView("foxglove.LocationFix", _FIX_PROPERTIES, _satellite_fix)),
     (frozenset({"geo"}), FoxgloveView("foxglove.LocationFix", _FIX_PROPERTIES, _location)),
     (
         frozenset({"severity", "text"}),
         FoxgloveView(
             "foxglove.Log",
             {
-                "timestamp": _TIME,
+                "timestamp": TIME,
                 "level": {"oneOf": [{"title": title, "const": level} for level, title in enumerate(_LEVELS)]},
-                "message": _TEXT,
-                "name": _TEXT,
-                "file": _TEXT,
-                "line": _INTEGER,
+                "message": TEXT,
+                "name": TEXT,
+                "file": TEXT,
+                "line": INTEGER,
             },
             _log,
         ),
@@ -172,11 +248,11 @@ TRANSFORM_SCHEMA: Final[Schema] = {
     "title": "foxglove.FrameTransform",
     "type": "object",
     "properties": {
-        "timestamp": _TIME,
-        "parent_frame_id": _TEXT,
-        "child_frame_id": _TEXT,
-        "translation": _VECTOR,
-        "rotation": _QUATERNION,
+        "timestamp": TIME,
+        "parent_frame_id": TEXT,
+        "child_frame_id": TEXT,
+        "translation": VECTOR,
+        "rotation": QUATERNION,
     },
 }
 
@@ -185,9 +261,9 @@ PATH_SCHEMA: Final[Schema] = {
     "title": "foxglove.PosesInFrame",
     "type": "object",
     "properties": {
-        "timestamp": _TIME,
-        "frame_id": _TEXT,
-        "poses": {"type": "array", "items": _POSE},
+        "timestamp": TIME,
+        "frame_id": TEXT,
+        "poses": {"type": "array", "items": POSE},
     },
 }
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.errors import Refused, nearest
+from gloc3.log.payloads import origin_in
 from gloc3.log.reader import LogReader, below
 from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
@@ -27,7 +28,7 @@ class TopicInfo(msgspec.Struct, frozen=True):
     bytes: int
     """Of the messages, before compression."""
     lives: int
-    """Channels: one for each start of each component that published on it."""
+    """Publishers: one for each start of each component that published on it."""
     rate_hz: float
     """Mean rate from the first message to the last; 0 where there are fewer than two."""
     nominal_hz: float
@@ -93,12 +94,14 @@ class _TopicCounts:
     def __init__(self) -> None:
         self.messages = self.bytes = 0
         self.first_ns = self.last_ns = 0
+        self.lives: set[tuple[int, bytes]] = set()
 
-    def add(self, log_ns: int, size: int) -> None:
+    def add(self, channel: int, log_ns: int, data: bytes) -> None:
         self.first_ns = self.first_ns or log_ns
         self.last_ns = log_ns
         self.messages += 1
-        self.bytes += size
+        self.bytes += len(data)
+        self.lives.add((channel, origin_in(data)))
 
     @property
     def rate_hz(self) -> float:
@@ -119,7 +122,7 @@ def summarize(reader: LogReader, topics: TopicTable, progress: Callable[[float],
     start_ns, end_ns = 0, 0
     for chunk, messages in reader.chunks():
         for message in messages:
-            by_channel[message.channel].add(message.log_ns, len(message.data))
+            by_channel[message.channel].add(message.channel, message.log_ns, message.data)
         if messages:
             start_ns = min(start_ns or chunk.start_ns, chunk.start_ns)
         end_ns = max(end_ns, chunk.end_ns)
@@ -190,7 +193,7 @@ def _topic_info(reader: LogReader, topics: TopicTable, topic: str, counts: _Topi
         encoding=own[0].encoding,
         messages=counts.messages,
         bytes=counts.bytes,
-        lives=len(own),
+        lives=len(counts.lives),
         rate_hz=counts.rate_hz,
         nominal_hz=row.rate_hz if row is not None else 0.0,
     )

@@ -14,11 +14,15 @@ import msgspec
 from gloc3.log.foxglove import FoxgloveView, timestamp, view_of
 from gloc3.log.json_schema import describe_type
 from gloc3.log.pictures import pack_picture, unpack_picture
-from gloc3.messages.envelope import Envelope, Message
+from gloc3.messages.envelope import Envelope, Message, Source
 from gloc3.messages.vehicle import Image
 from gloc3.messages.wire import wire_name
 
 NOT_FINITE: Final = "_not_finite"
+FROM: Final = "_from"
+"""The publisher where it is not the channel's first one: platform, component, boot."""
+FRAME: Final = "_frame"
+"""The frame where it is not the channel's."""
 PROBLEM: Final = "_problem"
 """Stands in the place of a payload that could not be written, with the reason."""
 
@@ -28,6 +32,8 @@ class _Extras(msgspec.Struct):
 
     t_s: float = msgspec.field(name="_t_s")
     not_finite: dict[str, str] = msgspec.field(name=NOT_FINITE, default_factory=dict)
+    source: tuple[str, str, int] | None = msgspec.field(name=FROM, default=None)
+    frame: str | None = msgspec.field(name=FRAME, default=None)
 
 
 def _plain(value: Any) -> Any:
@@ -41,6 +47,7 @@ PACKED: Final[Mapping[type, tuple[Callable[[Any], Any], Callable[[Any], Any]]]] 
 }
 """Types whose payloads are compressed in the log, and how: to the record and back. It takes milliseconds."""
 
+_FROM_MARK: Final = b',"_from":['
 _encode: Final = msgspec.json.Encoder(enc_hook=_plain).encode
 _encode_sorted: Final = msgspec.json.Encoder(enc_hook=_plain, order="deterministic").encode
 _decode_extras: Final = msgspec.json.Decoder(_Extras).decode
@@ -74,26 +81,50 @@ class PayloadEncoder:
         beside = {"_t_s": {"type": "number"}, **(self.view.properties if self.view else {})}
         return name, _encode(describe_type(self._type, name, beside))
 
-    def encode(self, envelope: Envelope[Any], publish_ns: int) -> bytes:
-        """The record of a message; a payload that cannot be written leaves the reason in its place."""
+    def encode(self, envelope: Envelope[Any], publish_ns: int, origin: bytes = b"") -> bytes:
+        """The record of a message; a payload that cannot be written leaves the reason in its place.
+
+        Args:
+            envelope: the message.
+            publish_ns: its time of validity in UTC.
+            origin: what `origin` says of it.
+        """
         payload = envelope.payload
         try:
             payload = payload if self._pack is None else self._pack(payload)
             data = self._encode(payload)
         except (TypeError, ValueError, OverflowError, RecursionError, msgspec.MsgspecError) as error:
-            return _encode({"_t_s": envelope.t_s, PROBLEM: f"{type(payload).__name__}: {error}"})
+            problem = _encode(f"{type(payload).__name__}: {error}")
+            return b'{"_t_s":%b%b,"%b":%b}' % (_encode(envelope.t_s), origin, PROBLEM.encode(), problem)
         # JSON says null for NaN and infinity, too: are there more of them than fields that are None?
         is_finite = b"null" not in data or data.count(b"null") == self._nones(payload)
         view = self.view
         if view is None and is_finite:
-            return b'{"_t_s":%b%b%b' % (_encode(envelope.t_s), self._separator, data[1:])
-        beside: dict[str, Any] = {"_t_s": envelope.t_s}
+            return b'{"_t_s":%b%b%b%b' % (_encode(envelope.t_s), origin, self._separator, data[1:])
+        beside: dict[str, Any] = {}
         if view is not None:
             beside["timestamp"] = timestamp(publish_ns)
             beside.update(view.fields(envelope))
         if not is_finite and (found := dict(_not_finite(msgspec.to_builtins(payload, enc_hook=_plain)))):
             beside[NOT_FINITE] = found
-        return _encode(beside)[:-1] + self._separator + data[1:]
+        more = b"," + _encode(beside)[1:-1] if beside else b""
+        return b'{"_t_s":%b%b%b%b%b' % (_encode(envelope.t_s), origin, more, self._separator, data[1:])
+
+
+def origin(source: Source, frame: str, of_channel: Source, frame_of_channel: str) -> bytes:
+    """What a record says of a publisher and frame that are not those of its channel; empty where they are."""
+    found = b""
+    if source != of_channel:
+        found += b',"%b":%b' % (FROM.encode(), _encode((source.platform, source.component, source.boot)))
+    if frame != frame_of_channel:
+        found += b',"%b":%b' % (FRAME.encode(), _encode(frame))
+    return found
+
+
+def origin_in(record: bytes) -> bytes:
+    """The publisher that a record names, as it stands there; empty for the channel's own."""
+    begin = record.find(_FROM_MARK, 0, 48)
+    return record[begin : record.find(b"]", begin)] if begin >= 0 else b""
 
 
 def _counter_of_nones(names: tuple[str, ...]) -> Callable[[Message], int]:
@@ -110,6 +141,10 @@ class Restored(NamedTuple):
     t_s: float
     payload: Any
     """The message, or a dictionary where its type is not known here or does not fit."""
+    source: tuple[str, str, int] | None
+    """Platform, component and boot of the publisher; None for the channel's."""
+    frame: str | None
+    """None for the channel's."""
 
 
 class PayloadDecoder:
@@ -119,7 +154,7 @@ class PayloadDecoder:
         self._type = message_type
         self._decode = msgspec.json.Decoder(message_type).decode if message_type else None
         self._unpack = PACKED[message_type][1] if message_type is not None and message_type in PACKED else None
-        self._beside = (NOT_FINITE, "_t_s", *view_properties)
+        self._beside = (NOT_FINITE, FROM, FRAME, "_t_s", *view_properties)
 
     def decode(self, data: bytes) -> Restored:
         """The message in a record.
@@ -128,10 +163,11 @@ class PayloadDecoder:
             ValueError: it is no JSON object of this log.
         """
         extras = _decode_extras(data)
+        origin = extras.source, extras.frame
         if self._decode is not None and not extras.not_finite:
             try:
                 found = self._decode(data)
-                return Restored(extras.t_s, found if self._unpack is None else self._unpack(found))
+                return Restored(extras.t_s, found if self._unpack is None else self._unpack(found), *origin)
             except msgspec.ValidationError:
                 pass
         values: dict[str, Any] = msgspec.json.decode(data)
@@ -140,10 +176,11 @@ class PayloadDecoder:
         if self._type is not None:
             try:
                 # Not strict, because JSON writes bytes as text and the keys of dictionaries, too.
-                return Restored(extras.t_s, msgspec.convert(values, self._type, strict=False))
+                return Restored(extras.t_s, msgspec.convert(values, self._type, strict=False), *origin)
             except msgspec.ValidationError:
                 pass
-        return Restored(extras.t_s, {name: value for name, value in values.items() if name not in self._beside})
+        shown = {name: value for name, value in values.items() if name not in self._beside}
+        return Restored(extras.t_s, shown, *origin)
 
 
 def _not_finite(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

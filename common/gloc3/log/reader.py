@@ -53,7 +53,7 @@ class MavlinkFrame(NamedTuple):
 
 
 class ChannelInfo(NamedTuple):
-    """One topic of one component in one of its lives."""
+    """One topic, with its first publisher."""
 
     topic: str
     encoding: str
@@ -293,11 +293,19 @@ class LogReader:
         if decoder is None:
             decoder = self._decoders[message.channel] = self._decoder(message.channel, info)
         try:
-            t_s, payload = decoder.decode(message.data)
+            t_s, payload, source, frame = decoder.decode(message.data)
         except (ValueError, RecursionError):
             self._unreadable += 1
             return None
-        envelope = Envelope(info.topic, info.source, message.sequence, t_s, info.frame, info.type, payload)
+        envelope = Envelope(
+            info.topic,
+            info.source if source is None else Source(*source),
+            message.sequence,
+            t_s,
+            info.frame if frame is None else frame,
+            info.type,
+            payload,
+        )
         return LoggedMessage(self.seconds(message.log_ns), envelope)
 
     def _decoder(self, identifier: int, info: ChannelInfo) -> PayloadDecoder:

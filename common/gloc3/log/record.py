@@ -1,6 +1,7 @@
 """Data log of a process: every message that passes its exchange, as an MCAP file for Foxglove.
 
-One file per process and run. A channel is one topic of one component in one of its lives. The log time is when the
+One file per process and run. A channel is one topic; it names its first publisher and frame, and a record of another
+one names its own. The log time is when the
 message passed, the publish time is its time of validity, both in UTC with the single offset stored in the file.
 Everything is on disk within a quarter of a second. In virtual time the same run produces the same bytes.
 """
@@ -27,16 +28,24 @@ from gloc3.log.foxglove import (
     MAP_FROM_NED,
     NED_FRAME,
     PATH_SCHEMA,
-    TRANSFORM_SCHEMA,
     path,
     timestamp,
     transform,
 )
-from gloc3.log.payloads import PayloadEncoder
+from gloc3.log.foxglove_scene import (
+    FRAMES,
+    FRAMES_SCHEMA,
+    SCENE,
+    SCENE_SCHEMA,
+    FoxgloveScene,
+    path_entity,
+    stamped,
+)
+from gloc3.log.payloads import PayloadEncoder, origin
 from gloc3.log.selection import TopicChoice, period_s
 from gloc3.log.writer import Compression, LogChannel, McapWriter
 from gloc3.messages.envelope import Envelope, Message, Source
-from gloc3.messages.frames import Quaternion, Vector3
+from gloc3.messages.frames import Vector3
 from gloc3.messages.topics import TopicTable
 
 FLUSH_S: Final = 0.25
@@ -69,10 +78,15 @@ MOST_WAITING: Final = 32
 class _Route:
     """Where the messages of one topic, source and type go; no channel where they are not logged."""
 
-    __slots__ = ("channel", "due_s", "encode", "frame", "is_slow", "period_s", "source", "type")
+    __slots__ = ("channel", "due_s", "encode", "frame", "is_shown", "is_slow", "origin", "period_s", "source", "type")
 
     def __init__(
-        self, envelope: Envelope[Any], channel: LogChannel | None, encoder: PayloadEncoder, period_s: float
+        self,
+        envelope: Envelope[Any],
+        channel: LogChannel | None,
+        encoder: PayloadEncoder,
+        period_s: float = 0.0,
+        origin: bytes = b"",
     ) -> None:
         self.source: Source = envelope.source
         self.type = envelope.type
@@ -80,6 +94,9 @@ class _Route:
         self.channel = channel
         self.encode = encoder.encode
         self.is_slow = encoder.is_slow
+        self.is_shown = isinstance(envelope.payload, FoxgloveScene.KINDS)
+        """Whether it adds something to Foxglove's scene."""
+        self.origin = origin
         self.period_s = period_s
         """Shortest time between two recorded messages; 0 for all of them."""
         self.due_s = -inf
@@ -146,7 +163,9 @@ class Recorder:
         self._current: dict[str, _Route] = {}
         self._routes: dict[tuple[str, Source, str, str], _Route] = {}
         self._raw: dict[tuple[str, str], tuple[LogChannel, list[int]]] = {}
-        self._made: dict[tuple[str, Source, str, str], LogChannel] = {}
+        self._made: dict[tuple[str, str], tuple[LogChannel, Source, str]] = {}
+        """Topic and type to the channel, with its publisher and frame."""
+        self._scene = FoxgloveScene()
         self._worker: ThreadPoolExecutor | None = None
         self._waiting: deque[_Waiting] = deque()
         self._channels: list[LogChannel] = []
@@ -171,7 +190,7 @@ class Recorder:
                 "version": __version__,
             },
         )
-        self.write_transform(MAP_FRAME, NED_FRAME, (0.0, 0.0, 0.0), MAP_FROM_NED)
+        self.write_transforms([transform(MAP_FRAME, NED_FRAME, (0.0, 0.0, 0.0), MAP_FROM_NED)])
 
     # --- life ---
 
@@ -268,8 +287,11 @@ class Recorder:
             if route.is_slow and self._worker is not None:
                 self._encode_later(route, channel, envelope, publish_ns)
                 return
-            data = route.encode(envelope, publish_ns)
+            data = route.encode(envelope, publish_ns, route.origin)
             self._writer.append(channel, envelope.sequence, offset_ns + round(self._now_s() * 1e9), publish_ns, data)
+            if route.is_shown:
+                for shown in self._scene.shown(envelope):
+                    self.show(*shown, envelope.t_s)
         except OSError as error:
             self._fail(error)
         except (ValueError, OverflowError, struct.error):  # a time or a sequence that no log can hold
@@ -280,7 +302,7 @@ class Recorder:
         if len(self._waiting) >= MOST_WAITING or self._worker is None:
             self.lost += 1
             return
-        data = self._worker.submit(route.encode, envelope, publish_ns)
+        data = self._worker.submit(route.encode, envelope, publish_ns, route.origin)
         log_ns = self._offset_ns + round(self._now_s() * 1e9)
         self._waiting.append(_Waiting(data, channel, envelope.sequence, log_ns, publish_ns))
 
@@ -355,12 +377,13 @@ class Recorder:
             self.unknown += [] if envelope.topic in self.unknown else [envelope.topic]
         least_s = period_s(envelope.topic.partition("/")[2], row, self._chosen)
         if least_s is None:
-            return _Route(envelope, None, encoder, 0.0)
+            return _Route(envelope, None, encoder)
         if not self._is_open:
             return None
-        key = (envelope.topic, source, envelope.frame, envelope.type)
-        if (made := self._made.get(key)) is not None:
-            return _Route(envelope, made, encoder, least_s)
+        key = envelope.topic, envelope.type
+        if key in self._made:
+            channel, of_channel, frame = self._made[key]
+            return _Route(envelope, channel, encoder, least_s, origin(source, envelope.frame, of_channel, frame))
         metadata = {
             "platform": source.platform,
             "component": source.component,
@@ -370,7 +393,7 @@ class Recorder:
         }
         channel = self._writer.add_channel(envelope.topic, "json", metadata, encoder.schema)
         self._channels.append(channel)
-        self._made[key] = channel
+        self._made[key] = channel, source, envelope.frame
         return _Route(envelope, channel, encoder, least_s)
 
     # --- beside the messages ---
@@ -385,27 +408,37 @@ class Recorder:
         media_type = MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
         self._guarded(lambda: self._writer.add_attachment(name, media_type, data, now_ns))
 
-    def write_transform(self, parent: str, child: str, translation_m: Vector3, parent_from_child: Quaternion) -> None:
-        """Tells Foxglove where a frame hangs in another, such as a mission's local frame in `ned`."""
-        self._show("frames", TRANSFORM_SCHEMA, transform(parent, child, translation_m, parent_from_child))
+    def write_transforms(self, transforms: Sequence[Mapping[str, Any]]) -> None:
+        """Tells Foxglove where frames hang in others: `transform` makes them."""
+        self.show(FRAMES, FRAMES_SCHEMA, {"transforms": transforms})
 
     def write_requested_path(self, points_ned_m: Sequence[Vector3]) -> None:
-        """Writes the path requested by a mission: as metadata, and for Foxglove."""
+        """Writes the path requested by a mission so far: as metadata, and for Foxglove."""
         text = msgspec.json.encode(points_ned_m).decode()
         self.write_metadata(REQUESTED_PATH, {"points_ned_m": text})
-        self._show("requested_path", PATH_SCHEMA, path(points_ned_m))
+        self.show("requested_path", PATH_SCHEMA, path(points_ned_m))
+        if points_ned_m:
+            self.show(SCENE, SCENE_SCHEMA, {"entities": [path_entity(points_ned_m)]})
 
-    def _show(self, topic: str, schema: Mapping[str, Any], values: Mapping[str, Any]) -> None:
-        """Writes something that only Foxglove reads."""
+    def show(self, topic: str, schema: Mapping[str, Any], values: dict[str, Any], t_s: float | None = None) -> None:
+        """Writes something that only Foxglove reads.
+
+        Args:
+            topic: its channel.
+            schema: one of Foxglove's.
+            values: the message, without its time.
+            t_s: its time of validity; now by default.
+        """
         now_ns = self._offset_ns + round(self._now_s() * 1e9)
-        data = msgspec.json.encode({"timestamp": timestamp(now_ns), **values})
+        valid_ns = now_ns if t_s is None else self._offset_ns + round(t_s * 1e9)
+        data = msgspec.json.encode(stamped(values, timestamp(valid_ns)))
 
         def write() -> None:
             shown = self._shown.get(topic)
             if shown is None:
                 described = (schema["title"], msgspec.json.encode(schema))
                 shown = self._shown[topic] = self._writer.add_channel(topic, "json", {}, described)
-            self._writer.append(shown, 0, now_ns, now_ns, data)
+            self._writer.append(shown, 0, now_ns, valid_ns, data)
 
         self._guarded(write)
 

@@ -59,7 +59,7 @@ class Comparison(msgspec.Struct, frozen=True):
         return is_complete and not self.mismatches and all(value < 1e-6 for value in self.differences.values())
 
 
-class Replay(msgspec.Struct, frozen=True):
+class ReplayResult(msgspec.Struct, frozen=True):
     """Result of a replay."""
 
     comparisons: list[Comparison]
@@ -96,7 +96,7 @@ class NoMemory:
         """Keeps nothing."""
 
 
-def replay(reader: LogReader, platform: Platform, name: str, topics: TopicTable) -> Replay:
+def replay(reader: LogReader, platform: Platform, name: str, topics: TopicTable) -> ReplayResult:
     """Runs one component of a platform on the inputs of a log.
 
     Raises:
@@ -134,7 +134,7 @@ def replay(reader: LogReader, platform: Platform, name: str, topics: TopicTable)
             comparisons.append(_compare(topic, before, after, is_thinned=topic in thinned))
         else:
             notes.append(f"{topic}: {len(after)} replayed; it was not recorded, so there is nothing to compare with")
-    return Replay(comparisons, notes)
+    return ReplayResult(comparisons, notes)
 
 
 def _is_recorded(topic: str, platform: Platform, topics: TopicTable) -> bool:
@@ -283,7 +283,7 @@ def _note(one: Any, other: Any, differences: dict[str, float], mismatches: dict[
             mismatches[field] = mismatches.get(field, 0) + 1
 
 
-def render_replay(result: Replay) -> str:
+def render_replay(result: ReplayResult) -> str:
     """The result as text."""
     lines = list(result.notes)
     for found in result.comparisons:

@@ -14,6 +14,7 @@ from gloc3.component.context import HostContext
 from gloc3.component.memory import MemoryReserve
 from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
+from gloc3.log.description import RunDescription
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.hosts import HOSTS, HostStatus
 from gloc3.messages.readiness import SensorCondition
@@ -33,7 +34,7 @@ from gloc3_onboard.process.run_log import LogLimits, RunLog
 from gloc3_onboard.process.runner import HostMember, Onboard
 from gloc3_onboard.process.storage import PictureFolder
 from gloc3_onboard.sensors.registry import SourceHost
-from gloc3_onboard.sensors.rig import log_attachments
+from gloc3_onboard.sensors.rig import calibrations
 
 
 class BootTime:
@@ -119,11 +120,10 @@ class HostNode:
                 exchange.here,
                 loop,
                 {"platform": platform.platform, "host": place.host, "process": place.process},
-                log_attachments(whole_text(options.platform), platform, self._sensors.rig),
+                RunDescription(platform, whole_text(options.platform), calibrations(platform, self._sensors.rig)),
                 list,
                 report,
                 has_links=False,
-                chosen=platform.log,
             )
         except OSError as error:
             raise Refused(f"the folder {logs} cannot be written: {error.strerror}") from error

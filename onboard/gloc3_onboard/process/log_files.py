@@ -40,13 +40,13 @@ class LogFiles:
     """
 
     def __init__(self, folder: Path, stem: str = LOG) -> None:
-        self._folder, self._stem = folder, stem
+        self.folder, self._stem = folder, stem
         self._form = re.compile(rf"{re.escape(stem)}(?:-(\d{{1,6}}))?\.(?:mcap|tlog)")
 
     def numbered(self) -> dict[int, list[Path]]:
         """The files that there are, by their number, the oldest first."""
         found: dict[int, list[Path]] = {}
-        for path in sorted(self._folder.iterdir()) if self._folder.is_dir() else ():
+        for path in sorted(self.folder.iterdir()) if self.folder.is_dir() else ():
             if match := self._form.fullmatch(path.name):
                 found.setdefault(int(match[1] or 1), []).append(path)
         return dict(sorted(found.items()))
@@ -59,8 +59,8 @@ class LogFiles:
         """
         number = max(self.numbered(), default=0) + 1
         if number >= MOST_LOGS:
-            raise Refused(f"the logs in {self._folder} have been numbered up to {number - 1}; move them elsewhere")
-        return self._folder / (f"{self._stem}.mcap" if number == 1 else f"{self._stem}-{number}.mcap")
+            raise Refused(f"the logs in {self.folder} have been numbered up to {number - 1}; move them elsewhere")
+        return self.folder / (f"{self._stem}.mcap" if number == 1 else f"{self._stem}-{number}.mcap")
 
     def prune(self, most_bytes: int) -> list[Path]:
         """Deletes the oldest logs of the folder, of whichever process, until the rest is no larger than that.
@@ -71,7 +71,7 @@ class LogFiles:
             OSError: one cannot be deleted.
         """
         logs: dict[str, dict[int, _Log]] = {}
-        for path in sorted(self._folder.iterdir()):
+        for path in sorted(self.folder.iterdir()):
             if match := ANY_LOG.fullmatch(path.name):
                 with suppress(FileNotFoundError):  # another process has just deleted it
                     found, log = path.stat(), logs.setdefault(match[1], {}).setdefault(int(match[2] or 1), _Log())

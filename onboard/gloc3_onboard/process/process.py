@@ -119,7 +119,7 @@ class OnboardProcess:
         context = HostContext(
             platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random, memory=self._memory
         )
-        self._storage = storage = ProcessStorage(options, platform, place, context, self.narrate)
+        self._storage = ProcessStorage(options, platform, place, context, self.narrate)
         self._rights = Rights(
             platform.platform,
             context.clock.utc_s,
@@ -141,14 +141,12 @@ class OnboardProcess:
         self._sensors = open_sensors(platform, used, requested, source_host, partial(self.narrate, Severity.WARNING))
         self._watch = watch_sensors(self.vehicle.parts, self._sensors, context.clock.now_s)
         self._others = OtherProcesses(options, inputs, shared, member, self.vehicle, self._watch.conditions)
-        self._computer = HostComputer(
-            storage.logs,
-            context.clock,
-            self._log_problem,
-            self.vehicle.link_conditions,
-            self._sensor_conditions,
-            storage,
-        )
+        self._computer = self._host_computer(context)
+
+    def _host_computer(self, context: HostContext) -> HostComputer:
+        storage = self._storage
+        links, sensors = self.vehicle.link_conditions, self._sensor_conditions
+        return HostComputer(storage.logs, context.clock, self._log_problem, links, sensors, storage)
 
     def _inputs(self, context: HostContext) -> VehicleInputs:
         storage, options = self._storage, self._options
@@ -177,6 +175,7 @@ class OnboardProcess:
             modem = vehicle.attach_modem(ModemSettings(key_of(options.acoustic), member))
             await self._open(options.acoustic, modem)
         await self._loop.run_in_executor(None, self._computer.measure)
+        vehicle.path.on_change = self._storage.show_path
         storage = self._storage.open(lambda: vehicle.path.points_ned_m, self._sensors.rig, vehicle.parts)
         vehicle.share(self._storage.files(vehicle.companion.metadata.files))
         self._others.begin()

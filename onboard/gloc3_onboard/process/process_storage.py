@@ -11,6 +11,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.errors import UNREADABLE, Finding, InputError, Refused
+from gloc3.log.description import RunDescription
 from gloc3.log.selection import TopicChoice
 from gloc3.mavlink.services.files.ftp_files import Files
 from gloc3.mavlink.signing import MAY_BE_OFF, TICKS_PER_S, Signing, Stream, Streams, timestamp
@@ -33,7 +34,7 @@ from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.run_log import RunLog
 from gloc3_onboard.process.storage import PictureFolder
 from gloc3_onboard.sensors.devices import Rig
-from gloc3_onboard.sensors.rig import log_attachments
+from gloc3_onboard.sensors.rig import calibrations
 
 AHEAD: Final = 4 * TICKS_PER_S
 """Margin added to stored timestamps, so that not every frame is written to disk; after a crash, peers are accepted
@@ -217,10 +218,9 @@ class ProcessStorage:
                 context.exchange.here,
                 context.loop,
                 {"platform": self._platform.platform},
-                log_attachments(whole_text(self._options.platform), self._platform, rig),
+                RunDescription(self._platform, whole_text(self._options.platform), calibrations(self._platform, rig)),
                 path,
                 self._report,
-                chosen=self._platform.log,
             )
         except OSError as error:
             raise Refused(f"{error.filename or self.logs} cannot be written: {error.strerror}") from error
@@ -234,6 +234,11 @@ class ProcessStorage:
         if self._log is None:
             raise Refused("no log is being written")
         return self._log.select(chosen)
+
+    def show_path(self, points_ned_m: Sequence[Vector3]) -> None:
+        """Writes the path requested so far into the log."""
+        if self._log is not None:
+            self._log.show_path(points_ned_m)
 
     @property
     def mb_per_min(self) -> float:

@@ -12,6 +12,7 @@ from gloc3.cli.counting import counted
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange
+from gloc3.log.description import RunDescription
 from gloc3.log.disk_file import DiskFile
 from gloc3.log.record import Recorder
 from gloc3.log.selection import TopicChoice, merged
@@ -126,11 +127,10 @@ class RunLog:
         exchange: recorded exchange.
         loop: the process's event loop.
         metadata: metadata of each file.
-        files: stored in each file, by name.
+        description: written at the begin of each file.
         path: returns the path requested so far, stored at the end of each file.
         report: called with messages for people.
         has_links: whether the process has MAVLink links, whose frames are kept.
-        chosen: topics that are recorded differently from their rows.
 
     Raises:
         Refused: the folder cannot be written.
@@ -145,12 +145,11 @@ class RunLog:
         exchange: Exchange,
         loop: asyncio.AbstractEventLoop,
         metadata: dict[str, str],
-        attached: Mapping[str, bytes],
+        description: RunDescription | None,
         path: Callable[[], Sequence[Vector3]],
         report: Callable[[Severity, str], None],
         *,
         has_links: bool = True,
-        chosen: Mapping[str, TopicChoice] | None = None,
     ) -> None:
         self._files, self._limits, self._clock, self._topics = files, limits, clock, topics
         self._exchange, self._loop, self._metadata, self._requested, self._report = (
@@ -160,12 +159,14 @@ class RunLog:
             path,
             report,
         )
-        self._attached, self._has_links = attached, has_links
-        self._chosen = dict(chosen or {})
+        self._description, self._has_links = description, has_links
+        self._chosen = dict(description.chosen) if description is not None else {}
         self._sizes: deque[tuple[float, int]] = deque()
         """Bytes written since the begin, once a second, for as long as growth is measured."""
         self._finished_bytes = 0
         self._closing: asyncio.Future[str] | None = None
+        if description is not None:
+            description.write_layout(files.folder, topics)
         self.path = files.next()
         """Of the file that is written now."""
         self._before = self.path
@@ -206,6 +207,10 @@ class RunLog:
         (begin_s, first), (end_s, last) = self._sizes[0], self._sizes[-1]
         return (last - first) / MEGABYTE * 60.0 / max(end_s - begin_s, POLL_PERIOD_S)
 
+    def show_path(self, points_ned_m: Sequence[Vector3]) -> None:
+        """Writes the path requested so far."""
+        self._recorder.write_requested_path(points_ned_m)
+
     def cut(self) -> None:
         """Ends the current file and starts the next.
 
@@ -240,8 +245,10 @@ class RunLog:
         except Refused:
             recorder.close()
             raise
-        for name, data in self._attached.items():
-            recorder.attach_file(name, data)
+        if self._description is not None:
+            self._description.write(recorder)
+        if path_so_far := self._requested():
+            recorder.write_requested_path(path_so_far)
         recorder.attach(self._exchange, self._loop)
         return recorder, traffic
 

@@ -4,11 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-import msgspec
-
 from gloc3.camera.model import CameraModel
 from gloc3.errors import Finding, Gloc3Error, InputError
-from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE
 from gloc3.platform.platform import Platform
 from gloc3_onboard.calibration.reader import read_reference
 from gloc3_onboard.sensors.devices import Rig
@@ -36,10 +33,9 @@ class PlatformRig:
         return self._models.get(camera)
 
 
-def log_attachments(text: str, platform: Platform, rig: Rig) -> dict[str, bytes]:
-    """The files that a log holds of its run: the platform file, and the cameras as the components had them."""
-    models = {name: model for name in platform.cameras if (model := rig.model(name)) is not None}
-    return {PLATFORM_FILE: text.encode(), CAMERAS_FILE: msgspec.json.encode(models)}
+def calibrations(platform: Platform, rig: Rig) -> dict[str, CameraModel]:
+    """The platform's cameras as the components of a process have them."""
+    return {name: model for name in platform.cameras if (model := rig.model(name)) is not None}
 
 
 def calibration_problems(platform: Platform, folder: Path) -> Mapping[str, str]:

@@ -18,6 +18,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.component.context import HostContext
 from gloc3.errors import Gloc3Error, Refused, nearest
+from gloc3.log.description import RunDescription
 from gloc3.messages.command_interface import AnyBody, CommandComponent
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.topics import TopicTable
@@ -33,7 +34,7 @@ from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_onboard.process.runner import HOST_DEVICES
-from gloc3_onboard.sensors.rig import log_attachments
+from gloc3_onboard.sensors.rig import calibrations
 from gloc3_sitl.faults.sabotage import FaultInjector, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
@@ -126,9 +127,13 @@ class Flight:
         metadata |= {"wind": msgspec.json.encode(plan.wind).decode()} if plan.wind != CALM else {}
         beside = {"waves_m": plan.waves_m, "current_m_s": plan.current_m_s}
         metadata |= {name: f"{value:g}" for name, value in beside.items() if value}
-        attached = log_attachments(whole_text(plan.platform), self.platform, self.rig)
-        attached |= {"mission.yaml": self.mission.text.encode()}
-        return FlightRecording(plan.out, self.context, metadata, attached, self.platform.log)
+        description = RunDescription(
+            self.platform,
+            whole_text(plan.platform),
+            calibrations(self.platform, self.rig),
+            {"mission.yaml": self.mission.text.encode()},
+        )
+        return FlightRecording(plan.out, self.context, metadata, description)
 
     def _world(self) -> World:
         """The requested world, or the one of the mission's frame."""

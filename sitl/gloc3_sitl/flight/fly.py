@@ -100,6 +100,7 @@ async def _fly(options: FlyOptions, mission: FlyableMission, narrate: Narrate | 
             narrate,
             power.battery_wh if power is not None else 0.0,
         )
+        watch.path.on_change = flight.log.show_path
         report = watch.report
         if mission.estimate is not None:
             report.estimate = _figures(mission.estimate)

@@ -1,14 +1,16 @@
 """The log of a flight in virtual time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from gloc3.component.context import HostContext
 from gloc3.component.workers import ImmediateExecutor
 from gloc3.errors import Refused
+from gloc3.log.description import RunDescription
 from gloc3.log.record import Recorder
 from gloc3.log.selection import TopicChoice, merged
+from gloc3.messages.frames import Vector3
 from gloc3_onboard.command_server.log_shelf import LogStore, LogStoreBase, NoLogStore
 from gloc3_onboard.process.log_files import LogFiles
 
@@ -23,8 +25,7 @@ class FlightRecording:
         folder: of the log; None to write none.
         context: the flight's context.
         metadata: the log's metadata.
-        attached: files stored in the log, by name.
-        chosen: topics that are recorded differently from their rows.
+        description: written at the begin of each file.
     """
 
     mb_per_min = 0.0
@@ -35,13 +36,12 @@ class FlightRecording:
         folder: Path | None,
         context: HostContext,
         metadata: dict[str, str],
-        attached: Mapping[str, bytes],
-        chosen: Mapping[str, TopicChoice],
+        description: RunDescription,
     ) -> None:
         self.path = None if folder is None else folder / "log.mcap"
         """Of the file that is being written."""
         self._context, self._metadata = context, metadata
-        self._attached, self._chosen = attached, dict(chosen)
+        self._description, self._chosen = description, dict(description.chosen)
         self.recorder = self._open()
 
     def _open(self) -> Recorder | None:
@@ -52,8 +52,8 @@ class FlightRecording:
         recorder = Recorder(
             self.path, context.clock, context.topics, self._metadata, flush_s=FLUSH_S, chosen=self._chosen
         )
-        for name, data in self._attached.items():
-            recorder.attach_file(name, data)
+        self._description.write(recorder)
+        self._description.write_layout(self.path.parent, context.topics)
         recorder.attach(context.exchange, context.loop)
         return recorder
 
@@ -68,6 +68,11 @@ class FlightRecording:
         self._chosen = merged(self._chosen, chosen, self._context.topics)
         self.recorder.select(self._chosen)
         return self._chosen
+
+    def show_path(self, points_ned_m: Sequence[Vector3]) -> None:
+        """Writes the path requested so far."""
+        if self.recorder is not None:
+            self.recorder.write_requested_path(points_ned_m)
 
     def cut(self) -> None:
         """Ends the current file and starts the next."""

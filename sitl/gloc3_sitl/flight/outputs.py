@@ -11,6 +11,7 @@ FILES: Final = (
     "truth.mcap",
     "report.json",
     "path.svg",
+    "foxglove-layout.json",
     "mission-converted.yaml",
     "sitl.txt",
     "onboard.txt",

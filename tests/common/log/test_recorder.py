@@ -19,6 +19,7 @@ from gloc3.clock import Clock, VirtualLoop
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import LocalExchange
 from gloc3.log.foxglove import PATH_SCHEMA, TRANSFORM_SCHEMA
+from gloc3.log.info import summarize
 from gloc3.log.json_schema import SCALARS
 from gloc3.log.payloads import PROBLEM, PayloadEncoder
 from gloc3.log.reader import LogReader
@@ -32,6 +33,9 @@ from gloc3.messages.vehicle import Image, Pose, Setpoint
 from .samples import HEIGHT, POSE, REQUESTED, LogInMemory, flight_log, sample, small_log
 
 TYPES = list(TopicTable(TOPICS).types)
+POSE_MESSAGE = Pose(
+    position_ned_m=(0.0, 0.0, -1.0), velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=(1.0, 0.0, 0.0, 0.0)
+)
 
 
 class Nothing(Message, frozen=True):
@@ -95,8 +99,11 @@ def test_a_message_without_fields_comes_back(tmp_path: Path) -> None:
     assert read(log.close(), tmp_path, table) == log.sent
 
 
-def test_each_life_of_a_component_is_a_channel(tmp_path: Path) -> None:
+def test_a_topic_is_one_channel_whoever_publishes_it(tmp_path: Path) -> None:
     log = LogInMemory()
+    log.send("pose", POSE_MESSAGE, 0.5, POSE, "ned")
+    log.send("pose", POSE_MESSAGE, 0.6, POSE, "local")
+    log.send("pose", POSE_MESSAGE, 0.7, Source("pelican", "pose_standby", 7), "local")
     for boot in (1, 2, 1):
         log.send(
             "components/pose/event", Event(severity=Severity.INFO, text=str(boot)), 1.0, Source("pelican", "pose", boot)
@@ -105,8 +112,11 @@ def test_each_life_of_a_component_is_a_channel(tmp_path: Path) -> None:
     assert read(data, tmp_path) == log.sent
     summary = make_reader(io.BytesIO(data)).get_summary()
     assert summary is not None
-    boots = [c.metadata["boot"] for c in summary.channels.values() if c.topic == "pelican/components/pose/event"]
-    assert boots == ["1", "2"]
+    assert len({channel.topic for channel in summary.channels.values()}) == len(summary.channels)
+    path = tmp_path / "log.mcap"
+    with LogReader(path) as reader:
+        lives = {topic.topic: topic.lives for topic in summarize(reader, TopicTable(TOPICS)).topics}
+    assert lives == {"frames": 1, "pelican/components/pose/event": 2, "pelican/pose": 2}
 
 
 def test_what_its_row_leaves_out_is_not_recorded_and_what_has_no_row_is(tmp_path: Path) -> None:
@@ -130,13 +140,14 @@ def test_it_counts_what_it_recorded_by_topic() -> None:
 def test_other_readers_find_every_checksum_and_index_right() -> None:
     data, sent = small_log()
     reader = make_reader(io.BytesIO(data), validate_crcs=True)
-    assert len(list(reader.iter_messages())) == len(sent) + 1
+    shown = 1 + sum(envelope.topic == "pelican/pose" for envelope in sent)  # frames
+    assert len(list(reader.iter_messages())) == len(sent) + shown
     streamed = list(StreamReader(io.BytesIO(data), validate_crcs=True).records)
     assert type(streamed[-1]).__name__ == "Footer"
     summary = reader.get_summary()
     assert summary is not None
     assert summary.statistics is not None
-    assert summary.statistics.message_count == len(sent) + 1
+    assert summary.statistics.message_count == len(sent) + shown
     assert [m.name for m in reader.iter_metadata()] == [RUN]
 
 
@@ -149,7 +160,10 @@ def test_foxglove_sees_poses_events_and_how_ned_hangs_under_the_map() -> None:
     assert pose["timestamp"]["nsec"] == 100_000_000
     event = objects(data, "pelican/components/pose/event")[0]
     assert (event["level"], event["message"], event["name"]) == (4, "working -> faulty: ValueError", "pose")
-    (transform,) = objects(data, "frames")
+    first, second, *_ = objects(data, "frames")
+    (transform,), (body,) = first["transforms"], second["transforms"]
+    assert (body["parent_frame_id"], body["child_frame_id"]) == ("ned", "pelican/body")
+    assert body["translation"] == {"x": 0.0, "y": 0.0, "z": -1.5}
     assert (transform["parent_frame_id"], transform["child_frame_id"]) == ("map", "ned")
     assert transform["rotation"]["x"] == transform["rotation"]["y"] == pytest.approx(math.sqrt(0.5))
     assert transform["rotation"]["w"] == transform["rotation"]["z"] == 0.0

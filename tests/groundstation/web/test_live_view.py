@@ -129,7 +129,7 @@ async def test_a_camera_is_shown_as_an_image() -> None:
         assert seen.platform.watched.wants[0].rate_hz == IMAGE_RATE_HZ
         seen.viewer.show("camera/ground", preview(0.0), 3.0)
         shown = await seen.message(7)
-        assert (shown["width"], shown["height"], shown["encoding"]) == (64, 48, "mono8")
+        assert (shown["width"], shown["height"], shown["format"]) == (64, 48, "png")
 
 
 async def test_a_client_can_neither_publish_nor_call() -> None:

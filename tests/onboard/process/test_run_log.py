@@ -9,10 +9,12 @@ import pytest
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange, Publisher
+from gloc3.log.description import RunDescription
 from gloc3.log.reader import LogReader
-from gloc3.log.record import PLATFORM_FILE, RUN
+from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE, RUN
 from gloc3.messages.envelope import Event, Severity
 from gloc3.messages.topics import TopicTable
+from gloc3.platform.platform import Platform, Vehicle
 from gloc3_onboard.process import run_log
 from gloc3_onboard.process.log_files import LogFiles
 from gloc3_onboard.process.run_log import CONTINUES, LogLimits, RunLog
@@ -20,10 +22,17 @@ from gloc3_onboard.process.run_log import CONTINUES, LogLimits, RunLog
 pytestmark = pytest.mark.thorough
 
 
+DESCRIPTION = RunDescription(
+    Platform(platform="bench", vehicle=Vehicle(type="quadrotor", mass_kg=1.0), log={"pose": False}),
+    "platform: bench\n",
+    {},
+)
+
+
 def texts(path: Path) -> list[str]:
     with LogReader(path) as reader:
         assert reader.is_finished
-        assert list(reader.attachments) == [PLATFORM_FILE]
+        assert list(reader.attachments) == [PLATFORM_FILE, CAMERAS_FILE]
         return [entry.envelope.payload.text for entry in reader.entries("components/talker/event")]
 
 
@@ -47,7 +56,7 @@ async def test_a_file_that_has_grown_large_is_followed_by_the_next_and_every_mes
         exchange,
         loop,
         {"platform": "bench"},
-        {"platform.yaml": b"platform: bench\n"},
+        DESCRIPTION,
         list,
         lambda _, text: said.append(text),
     )
@@ -105,7 +114,7 @@ class FullDisk(LogFiles):
     """Logs on a disk without room."""
 
     def next(self) -> Path:
-        return self._folder / "log.mcap"
+        return self.folder / "log.mcap"
 
 
 async def test_a_full_disk_names_every_log_that_has_stopped(tmp_path: Path) -> None:
@@ -114,7 +123,7 @@ async def test_a_full_disk_names_every_log_that_has_stopped(tmp_path: Path) -> N
     loop, exchange, said = asyncio.get_running_loop(), LocalExchange(), list[str]()
     files = FullDisk(tmp_path)
     report = lambda _, text: said.append(text)  # noqa: E731 # as above
-    log = RunLog(files, LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, {}, list, report)
+    log = RunLog(files, LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, None, list, report)
     log.record_frame("a", "in", bytes(range(1, 200)))
     for _ in range(100):
         await asyncio.sleep(0.05)
@@ -131,7 +140,7 @@ async def test_how_fast_the_log_grows_is_measured_over_its_files(
     monkeypatch.setattr(run_log, "POLL_PERIOD_S", 0.05)
     loop, exchange = asyncio.get_running_loop(), LocalExchange()
     log = RunLog(
-        LogFiles(tmp_path), LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, {}, list,
+        LogFiles(tmp_path), LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, None, list,
         lambda _, text: None,
     )  # fmt: skip
     assert log.mb_per_min == 0.0
@@ -151,8 +160,8 @@ async def test_what_the_log_records_is_changed_for_later_files_too(tmp_path: Pat
     loop, exchange = asyncio.get_running_loop(), LocalExchange()
     topics = TopicTable.installed()
     log = RunLog(
-        LogFiles(tmp_path), LogLimits(), Clock(loop), topics, exchange, loop, {}, {}, list, lambda _, text: None,
-        has_links=False, chosen={"pose": False},
+        LogFiles(tmp_path), LogLimits(), Clock(loop), topics, exchange, loop, {}, DESCRIPTION, list, lambda _, text: None,
+        has_links=False,
     )  # fmt: skip
     talker = Publisher(exchange, "bench", "talker", 1)
     event = Event(severity=Severity.INFO, text="said")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.log.convert.flight import Flight, read_flight
+from gloc3.log.convert.flight import RecordedFlight, read_flight
 from gloc3.log.convert.maps import geojson, gpx, kml
 from gloc3.log.convert.rosbag2 import write_bag
 from gloc3.log.convert.tables import flight_rows, to_csv, to_parquet, topic_rows
@@ -27,7 +27,7 @@ class LogFormat(StrEnum):
     ROSBAG2 = "rosbag2"
 
 
-MAPS: Final[Mapping[LogFormat, Callable[[Flight, str], bytes]]] = {
+MAPS: Final[Mapping[LogFormat, Callable[[RecordedFlight, str], bytes]]] = {
     LogFormat.KML: kml,
     LogFormat.GPX: gpx,
     LogFormat.GEOJSON: geojson,

@@ -38,7 +38,7 @@ class FlightMark(msgspec.Struct, frozen=True):
     geo: GeoPoint | None
 
 
-class Flight(msgspec.Struct, frozen=True):
+class RecordedFlight(msgspec.Struct, frozen=True):
     """One flight."""
 
     platform: str
@@ -65,7 +65,7 @@ class Flight(msgspec.Struct, frozen=True):
         return [stretch for stretch in found if stretch]
 
 
-def read_flight(reader: LogReader, origin: GeoPoint | None = None) -> Flight:
+def read_flight(reader: LogReader, origin: GeoPoint | None = None) -> RecordedFlight:
     """Reads the flight of a log.
 
     Args:
@@ -113,7 +113,7 @@ def read_flight(reader: LogReader, origin: GeoPoint | None = None) -> Flight:
         return FlightMark(name, t_s, position_ned_m, plane.geo_from_ned(position_ned_m) if plane is not None else None)
 
     home = [mark("home", None, path.home)] if path.home is not None else []
-    return Flight(
+    return RecordedFlight(
         platform=reader.platform,
         mission=path.mission,
         topic=topic,

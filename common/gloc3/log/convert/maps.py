@@ -9,11 +9,11 @@ from datetime import UTC, datetime
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 from gloc3.errors import Refused
-from gloc3.log.convert.flight import Flight, FlightMark, FlightSample
+from gloc3.log.convert.flight import FlightMark, FlightSample, RecordedFlight
 from gloc3.messages.frames import GeoPoint
 
 
-def on_earth(flight: Flight, file: str) -> list[list[tuple[FlightSample, GeoPoint]]]:
+def on_earth(flight: RecordedFlight, file: str) -> list[list[tuple[FlightSample, GeoPoint]]]:
     """The stretches of a flight with their geographic positions.
 
     Raises:
@@ -30,7 +30,7 @@ def on_earth(flight: Flight, file: str) -> list[list[tuple[FlightSample, GeoPoin
     return [stretch for stretch in found if stretch]
 
 
-def kml(flight: Flight, file: str) -> bytes:
+def kml(flight: RecordedFlight, file: str) -> bytes:
     """The flight as KML 2.2."""
     stretches = on_earth(flight, file)
     root = Element("kml", xmlns="http://www.opengis.net/kml/2.2")
@@ -61,7 +61,7 @@ def kml(flight: Flight, file: str) -> bytes:
     return _xml(root)
 
 
-def gpx(flight: Flight, file: str) -> bytes:
+def gpx(flight: RecordedFlight, file: str) -> bytes:
     """The flight as GPX 1.1: a track with times, the requested path as a route, places as waypoints."""
     stretches = on_earth(flight, file)
     root = Element("gpx", xmlns="http://www.topografix.com/GPX/1/1", version="1.1", creator="GLOC3")
@@ -82,7 +82,7 @@ def gpx(flight: Flight, file: str) -> bytes:
     return _xml(root)
 
 
-def geojson(flight: Flight, file: str) -> bytes:
+def geojson(flight: RecordedFlight, file: str) -> bytes:
     """The flight as GeoJSON (RFC 7946); `coordTimes` are the times of the points, in UTC where it is known, else s."""
     features = []
     for stretch in on_earth(flight, file):
@@ -98,7 +98,7 @@ def geojson(flight: Flight, file: str) -> bytes:
     return json.dumps(found, indent=1).encode()
 
 
-def _title(flight: Flight) -> str:
+def _title(flight: RecordedFlight) -> str:
     return f"{flight.platform}: {flight.mission}" if flight.mission else flight.platform
 
 
@@ -106,7 +106,7 @@ def _places(marks: Sequence[FlightMark]) -> list[tuple[FlightMark, GeoPoint]]:
     return [(mark, mark.geo) for mark in marks if mark.geo is not None]
 
 
-def _utc(flight: Flight, t_s: float) -> str:
+def _utc(flight: RecordedFlight, t_s: float) -> str:
     moment = datetime.fromtimestamp(t_s + (flight.utc_offset_s or 0.0), UTC)
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
@@ -130,7 +130,7 @@ def _line(document: Element, name: str, points: Sequence[GeoPoint]) -> Element:
 
 
 def _gpx_point(
-    parent: Element, kind: str, geo: GeoPoint, flight: Flight, t_s: float | None = None, name: str = ""
+    parent: Element, kind: str, geo: GeoPoint, flight: RecordedFlight, t_s: float | None = None, name: str = ""
 ) -> None:
     point = SubElement(parent, kind, lat=f"{geo.latitude_deg:.8f}", lon=f"{geo.longitude_deg:.8f}")
     SubElement(point, "ele").text = f"{geo.altitude_m:.3f}"

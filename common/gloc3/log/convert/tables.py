@@ -7,7 +7,7 @@ from math import degrees
 from typing import Any
 
 from gloc3.errors import Gloc3Error
-from gloc3.log.convert.flight import Flight
+from gloc3.log.convert.flight import RecordedFlight
 from gloc3.log.fields import flatten
 from gloc3.log.reader import LogReader
 from gloc3.messages.frames import to_euler
@@ -15,12 +15,12 @@ from gloc3.messages.frames import to_euler
 Row = Mapping[str, Any]
 
 
-def flight_rows(flight: Flight) -> list[Row]:
+def flight_rows(flight: RecordedFlight) -> list[Row]:
     """One row a pose: SI units, angles in degrees, empty cells where something is not known."""
     return [dict(_flight_cells(flight, index)) for index in range(len(flight.samples))]
 
 
-def _flight_cells(flight: Flight, index: int) -> Iterator[tuple[str, Any]]:
+def _flight_cells(flight: RecordedFlight, index: int) -> Iterator[tuple[str, Any]]:
     sample = flight.samples[index]
     yield "t_s", sample.t_s
     yield "utc_s", None if flight.utc_offset_s is None else sample.t_s + flight.utc_offset_s

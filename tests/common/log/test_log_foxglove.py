@@ -1,0 +1,285 @@
+"""What Foxglove reads of a log, checked against the message types and layouts of Foxglove's own SDK."""
+
+import base64
+import io
+import json
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import foxglove.layouts as fl
+import foxglove.messages
+import msgspec
+import pytest
+from google.protobuf import descriptor_pool, json_format, message_factory
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.timestamp_pb2 import Timestamp
+from mcap.reader import make_reader
+
+from gloc3.camera.model import CameraModel
+from gloc3.log.description import RunDescription
+from gloc3.log.foxglove import VIEWS
+from gloc3.log.foxglove_layout import LAYOUT_FILE, layout
+from gloc3.log.foxglove_scene import stamped
+from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE
+from gloc3.messages.envelope import Event, Severity, Source
+from gloc3.messages.frames import from_euler
+from gloc3.messages.perception import LaserScan, SatelliteFix
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import AutopilotPose, Image, MotionLimits, ObstacleScan, Pose
+from gloc3.mission.model.fence import Area, Fence
+from gloc3.platform.reader import load_platform, whole_text
+
+from .samples import FENCE, POSE, LogInMemory
+
+OTHER = Source("pelican", "other", 5)
+OWN_FIELDS = {"foxglove.CompressedImage": {"data"}, "foxglove.PointCloud": set[str]()}
+"""Fields of a message that are those of Foxglove's schema, too."""
+BESIDE = {view.schema: set(view.properties) for _, view in VIEWS}
+
+
+def limits(fence: Fence | None) -> MotionLimits:
+    return MotionLimits(
+        speed_m_s=1.0, climb_m_s=1.0, acceleration_m_s2=1.0, height_min_m=0.3, height_max_m=8.0, fence=fence
+    )
+
+
+def full_log() -> bytes:
+    """All that Foxglove has a schema for."""
+    platform = load_platform("pelican")
+    cameras = {name: model for name, model in platform.cameras.items() if isinstance(model, CameraModel)}
+    log = LogInMemory(TopicTable(TOPICS), {"camera/*": True, "laser": True})
+    RunDescription(platform, whole_text("pelican"), cameras).write(log.recorder)
+    log.recorder.write_requested_path([(0.0, 0.0, -1.0), (4.0, 0.0, -1.0), (4.0, 2.0, -1.0)])
+    ranges = array("f", [1.0, 2.0, float("inf")])
+    scan = LaserScan(
+        scanner="laser", angle_min_rad=-0.5, angle_step_rad=0.5, range_min_m=0.1, range_max_m=30.0,
+        ranges_m=ranges.tobytes(),
+    )  # fmt: skip
+    obstacles = ObstacleScan(points_ne_m=[(1.0, 2.0), (3.0, 4.0)], height_m=1.5, closest_ne_m=[(1.0, 2.0)])
+    pose = Pose(
+        position_ned_m=(1.0, 2.0, -3.0), velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=from_euler(0.0, 0.0, 1.0)
+    )
+    autopilot = AutopilotPose(
+        position_ned_m=(1.0, 2.0, -3.0), velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=(1.0, 0.0, 0.0, 0.0),
+        rate_frd_rad_s=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    for index, fence in enumerate((None, FENCE, FENCE, Fence(keep_out=(Area(center_ne_m=(0.0, 0.0), radius_m=2.0),)))):
+        log.send("motion/limits", limits(fence), 0.1 * index, OTHER)
+    for topic, message in (
+        ("pose", pose),
+        ("autopilot_pose", autopilot),
+        ("laser", scan),
+        ("obstacles", obstacles),
+        ("camera/front_left", Image(camera="front_left", width=3, height=2, data=bytes(range(6)))),
+        ("satellites", SatelliteFix(place_geo=(39.5, 2.5, 3.0))),
+        ("components/pose/event", Event(severity=Severity.ERROR, text="broken")),
+    ):
+        log.send(topic, message, 1.0, POSE, "ned")
+    return log.close()
+
+
+LOG = full_log()
+
+
+def shown(topic: str = "") -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Topic, schema and fields of that schema of the messages that Foxglove has a schema for."""
+    for schema, channel, message in make_reader(io.BytesIO(LOG)).iter_messages():
+        if schema is not None and schema.name.startswith("foxglove.") and topic in ("", channel.topic):
+            values = json.loads(message.data)
+            if "type" in channel.metadata:
+                wanted = BESIDE[schema.name] | OWN_FIELDS.get(schema.name, set())
+                values = {name: value for name, value in values.items() if name in wanted}
+            yield channel.topic, schema.name, values
+
+
+def only(topic: str) -> dict[str, Any]:
+    ((_, _, values),) = shown(topic)
+    return values
+
+
+def timed(value: Any) -> Any:
+    """The same with times as Protobuf has them in JSON."""
+    if isinstance(value, dict):
+        if value.keys() == {"sec", "nsec"}:
+            time = Timestamp()
+            time.FromNanoseconds(value["sec"] * 1_000_000_000 + value["nsec"])
+            return time.ToJsonString()
+        return {name: timed(inner) for name, inner in value.items()}
+    return [timed(inner) for inner in value] if isinstance(value, list) else value
+
+
+def parsed(schema: str, values: dict[str, Any]) -> Any:
+    """The message as Foxglove's SDK describes it.
+
+    Raises:
+        json_format.ParseError: a field is not in the schema, or of another type.
+    """
+    described = getattr(foxglove.messages, schema.removeprefix("foxglove.")).get_schema()
+    files, pool = FileDescriptorSet.FromString(described.data), descriptor_pool.DescriptorPool()
+    for file in files.file:
+        pool.Add(file)
+    found = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema))()
+    return json_format.ParseDict(timed(values), found, descriptor_pool=pool)
+
+
+def test_every_message_is_one_of_the_schema_of_its_channel() -> None:
+    seen = set()
+    for _, schema, values in shown():
+        parsed(schema, values)
+        seen.add(schema.removeprefix("foxglove."))
+    assert seen == {
+        "CameraCalibration", "CompressedImage", "FrameTransforms", "LaserScan", "LocationFix", "Log", "PointCloud",
+        "PoseInFrame", "PosesInFrame", "SceneUpdate",
+    }  # fmt: skip
+
+
+def test_a_wrong_field_or_type_would_be_found() -> None:
+    for wrong in ({"ranges": ["a"]}, {"start_angel": 1.0}):
+        with pytest.raises(json_format.ParseError):
+            parsed("foxglove.LaserScan", {**only("pelican/laser"), **wrong})
+
+
+def test_a_scan_has_its_angles_and_nothing_seen_is_as_far_as_it_reaches() -> None:
+    scan = parsed("foxglove.LaserScan", only("pelican/laser"))
+    assert (scan.start_angle, scan.end_angle, list(scan.ranges)) == (-0.5, 0.5, [1.0, 2.0, 30.0])
+    assert scan.frame_id == "laser"
+
+
+def test_obstacles_are_a_cloud_of_points_and_spheres() -> None:
+    cloud = parsed("foxglove.PointCloud", only("pelican/obstacles"))
+    assert list(array("f", cloud.data)) == [1.0, 2.0, -1.5, 3.0, 4.0, -1.5]
+    assert [(field.name, field.offset, field.type) for field in cloud.fields] == [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)]
+    (spheres,) = [
+        one["spheres"] for _, _, values in shown("scene") for one in values["entities"] if "obstacles" in one["id"]
+    ]
+    assert spheres[0]["pose"]["position"] == {"x": 1.0, "y": 2.0, "z": -1.5}
+
+
+def test_the_fence_is_shown_when_it_changes() -> None:
+    fences = [one for _, _, values in shown("scene") for one in values["entities"] if one["id"] == "pelican: fence"]
+    assert [len(one["lines"]) for one in fences] == [2, 1]  # area and keep-out; keep-out
+    area = fences[0]["lines"][0]["points"]
+    assert {point["z"] for point in area} == {0.0, -8.0}
+    assert len(area) == 4 * 6  # for each side its floor, its ceiling and an upright, two ends each
+    assert len(fences[1]["lines"][0]["points"]) == 36 * 2  # at the height of the origin
+
+
+def test_frames_hang_together_and_stand_where_the_platform_file_says() -> None:
+    parents = {one["child_frame_id"]: one for _, _, values in shown("frames") for one in values["transforms"]}
+    assert {child: one["parent_frame_id"] for child, one in parents.items()} == {
+        "ned": "map",
+        "pelican/body": "ned",
+        "front_left": "pelican/body",
+        "front_right": "pelican/body",
+        "ground": "pelican/body",
+        "tracker": "ned",
+        "laser": "pelican/body",
+    }
+    assert parents["front_left"]["translation"] == {"x": 0.12, "y": -0.075, "z": 0.02}
+    assert parents["laser"]["translation"]["z"] == -0.08
+    assert parents["tracker"]["translation"]["x"] == 20.6
+    assert parents["pelican/body"]["translation"] == {"x": 1.0, "y": 2.0, "z": -3.0}
+    image = only("pelican/camera/front_left")
+    assert image["frame_id"] == "front_left"
+    assert base64.b64decode(image["data"]).startswith(b"\x89PNG")
+
+
+def test_a_calibration_is_that_of_the_platform_file() -> None:
+    found = parsed("foxglove.CameraCalibration", only("calibration/front_left"))
+    assert (found.width, found.height, found.distortion_model) == (640, 480, "plumb_bob")
+    assert list(found.D) == [-0.11, 0.035, 0.0004, -0.0003, 0.0]
+    assert list(found.K) == [430.0, 0.0, 321.3, 0.0, 430.0, 238.1, 0.0, 0.0, 1.0]
+    assert len(found.P) == 12
+
+
+def test_the_requested_path_is_a_line_of_the_scene() -> None:
+    (line,) = [
+        one["lines"][0]
+        for _, _, values in shown("scene")
+        for one in values["entities"]
+        if one["id"] == "requested path"
+    ]
+    assert [point["x"] for point in line["points"]] == [0.0, 4.0, 4.0]
+
+
+def test_times_are_where_the_schema_has_them() -> None:
+    time = {"sec": 1, "nsec": 2}
+    assert stamped({"transforms": [{"a": 1}]}, time) == {"transforms": [{"timestamp": time, "a": 1}]}
+    assert stamped({"a": 1}, time) == {"timestamp": time, "a": 1}
+
+
+def test_each_topic_is_one_channel() -> None:
+    summary = make_reader(io.BytesIO(LOG)).get_summary()
+    assert summary is not None
+    topics = [channel.topic for channel in summary.channels.values()]
+    assert len(topics) == len(set(topics))
+    attached = [attachment.name for attachment in make_reader(io.BytesIO(LOG)).iter_attachments()]
+    assert attached == [PLATFORM_FILE, CAMERAS_FILE]
+
+
+def test_the_layout_is_one_that_foxgloves_sdk_makes(tmp_path: Path) -> None:
+    cameras = ["front_left", "ground"]
+
+    def points(kind: Any) -> Any:
+        return kind(visible=True, cube_outline=None, point_shape=None)
+
+    def panel(kind: Any, config: Any, title: str) -> Any:
+        return kind(config=config, title=title)
+
+    def split(direction: Any, *items: tuple[float, Any]) -> Any:
+        return fl.SplitContainer(
+            direction=direction, items=[fl.SplitItem(proportion=share, content=one) for share, one in items]
+        )
+
+    scene = fl.ThreeDeeConfig(
+        topics={
+            "scene": fl.BaseRendererSceneUpdateTopicSettings(visible=True),
+            "pelican/pose": fl.BaseRendererPoseTopicSettings(visible=True),
+            "pelican/obstacles": points(fl.BaseRendererPointCloudTopicSettings),
+            "pelican/laser": points(fl.BaseRendererLaserScanTopicSettings),
+        },
+        follow_tf="pelican/body",
+        fixed_frame="map",
+        follow_mode="follow-position",
+    )
+    pictures = [
+        panel(
+            fl.ImagePanel,
+            fl.ImageConfig(
+                image_mode=fl.ImageModeConfig(
+                    image_topic=f"pelican/camera/{name}", calibration_topic=f"calibration/{name}"
+                )
+            ),
+            name,
+        )
+        for name in cameras
+    ]
+    speeds = [fl.PlotSeries(value=f'"pelican/pose".velocity_ned_m_s[{axis}]') for axis in range(3)]
+    height = [fl.PlotSeries(value='"pelican/pose".position_ned_m[2].@mul(-1)')]
+    numbers = [
+        panel(fl.PlotPanel, fl.PlotConfig(paths=height), "Height, m"),
+        panel(fl.PlotPanel, fl.PlotConfig(paths=speeds), "Speed, m/s"),
+        panel(fl.LogPanel, fl.LogConfig(topic_to_render="pelican/ci/event"), "Events"),
+        panel(fl.MapPanel, fl.MapConfig(follow_topic="pelican/ci/vehicle"), "Map"),
+    ]
+    left = split(
+        "column", (2.0, panel(fl.ThreeDeePanel, scene, "Scene")), (1.0, split("row", *((1.0, one) for one in pictures)))
+    )
+    content = split("row", (2.0, left), (1.0, split("column", *((1.0, one) for one in numbers))))
+    assert json.loads(layout("pelican", cameras)) == json.loads(fl.Layout(content=content).to_json())
+
+
+def test_the_layout_beside_the_log_has_the_cameras_that_are_recorded(tmp_path: Path) -> None:
+    platform = load_platform("pelican")
+    cameras = {name: model for name, model in platform.cameras.items() if isinstance(model, CameraModel)}
+    topics = TopicTable.installed()
+    RunDescription(platform, "", cameras).write_layout(tmp_path, topics)
+    assert "camera/" not in (tmp_path / LAYOUT_FILE).read_text()
+    chosen = msgspec.structs.replace(platform, log={"camera/ground": 2.0})
+    RunDescription(chosen, "", cameras).write_layout(tmp_path, topics)
+    text = (tmp_path / LAYOUT_FILE).read_text()
+    assert "pelican/camera/ground" in text
+    assert "pelican/camera/front_left" not in text

@@ -3,4 +3,15 @@
 Recorders use `record`, all others read through `reader`; reports have their own package.
 """
 
-__all__ = ["description", "disk_file", "fields", "foxglove", "info", "payloads", "reader", "record", "selection"]
+__all__ = [
+    "autopilot_log",
+    "description",
+    "disk_file",
+    "fields",
+    "foxglove",
+    "info",
+    "payloads",
+    "reader",
+    "record",
+    "selection",
+]

@@ -36,6 +36,7 @@ app = App(
     - `gloc3 log info runs/inspection`: duration, topics, events, and what is missing
     - `gloc3 log plot runs/inspection`: the path flown and the path requested
     - `gloc3 log plot runs/inspection pose velocity_ned_m_s[2]`: numbers over time
+    - `gloc3 log plot runs/inspection --autopilot FILE.ulg`: beside the autopilot's own log, on one time axis
     - `gloc3 log commands runs/inspection`: the commands of stations, and their outcomes
     - `gloc3 log why runs/inspection "policy land"`: what led there: messages, faults, commands, back to the root
     - `gloc3 log report runs/inspection --wall "0,12,0 20,12,0 20,0,0 0,0,0"`: how much of the floor was seen
@@ -124,16 +125,35 @@ def why(file: Path, what: str, /) -> int:
 
 
 @app.command(usage="gloc3 log plot [OPTIONS] FILE [WHAT] [FIELDS...]")
-def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = None) -> int:
+def plot(
+    file: Path,
+    what: str = "path",
+    /,
+    *fields: str,
+    out: Path | None = None,
+    autopilot: Path | None = None,
+    field: Annotated[list[str], Parameter(negative=())] | None = None,
+    offset: float | None = None,
+) -> int:
     """Draw a picture of a log.
+
+    With --autopilot, position and speed of the pose and of the autopilot's own estimate on one time axis. How the clocks
+    differ is found by the motion.
 
     Args:
         file: The log, or the folder of a run: its last one.
         what: `path` (flown and requested), `components` (their states over time), or a topic.
         fields: With a topic, its fields to draw, such as position_ned_m or velocity_ned_m_s[2]; default: all numbers.
         out: The picture (.svg, .png, .pdf); by default beside the log.
+        autopilot: The autopilot's log of the flight: ULog (.ulg) of PX4 or DataFlash (.BIN) of ArduPilot.
+        field: With --autopilot, a field of its log, such as battery_status.voltage_v or BAT.Volt; may be repeated.
+        offset: With --autopilot, seconds added to its times, instead of finding them by the motion.
     """
     file = find_log(file)
+    if autopilot is not None:
+        return _plot_beside(file, what, autopilot, field or [], offset, out)
+    if field or offset is not None:
+        raise Refused("--field and --offset belong to --autopilot FILE")
     with LogReader(file) as reader:
         target = out or file.with_name(f"{file.stem}-{what.replace('/', '-')}.svg")
         if what == "path":
@@ -150,6 +170,24 @@ def plot(file: Path, what: str = "path", /, *fields: str, out: Path | None = Non
             plot_series(read_series(reader, topic, fields), target, f"{reader.platform or file.name}/{topic}")
         _warn(reader)
     print(target)  # noqa: T201
+    return DONE
+
+
+def _plot_beside(
+    file: Path, what: str, autopilot: Path, fields: list[str], offset_s: float | None, out: Path | None
+) -> int:
+    from gloc3.log.autopilot_log import read_autopilot_log
+    from gloc3.log.report.beside_autopilot import in_words, plot_beside, read_beside
+
+    if what != "path":
+        raise Refused(f"--autopilot draws the path; its own fields are named by --field, not {what!r}")
+    log = read_autopilot_log(autopilot)
+    with LogReader(file, TopicTable.installed().types) as reader:
+        found = read_beside(reader, log, fields, offset_s)
+        target = out or file.with_name(f"{file.stem}-{autopilot.stem}.svg")
+        plot_beside(found, log.form, target, f"{reader.platform}: GLOC3 and autopilot")
+        _warn(reader)
+    print(f"{target}: {in_words(found)}")  # noqa: T201
     return DONE
 
 

@@ -3,4 +3,4 @@
 matplotlib is imported where it draws.
 """
 
-__all__ = ["figure", "flight_path", "inspection_report", "plot", "recording", "timeline", "walls"]
+__all__ = ["beside_autopilot", "figure", "flight_path", "inspection_report", "plot", "recording", "timeline", "walls"]

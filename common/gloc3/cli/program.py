@@ -45,9 +45,13 @@ SUMMARIES: Final = {
 
 EXTRAS: Final = {
     "aiohttp": "groundstation",
+    "foxglove": "groundstation",
     "jsbsim": "sitl",
-    "matplotlib": "sitl",
+    "matplotlib": "logs",
+    "mcap_ros2": "logs",
     "mavsdk": "groundstation",
+    "pyarrow": "logs",
+    "pyulog": "logs",
     "textual": "groundstation",
     "textual_serve": "groundstation",
 }

@@ -8,9 +8,9 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.camera.model import CameraModel
-from gloc3.log.foxglove import NED_FRAME, transform
-from gloc3.log.foxglove_layout import LAYOUT_FILE, layout
-from gloc3.log.foxglove_scene import CALIBRATION_SCHEMA, body_frame, calibration
+from gloc3.log.foxglove.layout import LAYOUT_FILE, layout
+from gloc3.log.foxglove.scene import CALIBRATION_SCHEMA, body_frame, calibration
+from gloc3.log.foxglove.schemas import NED_FRAME, transform
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE, Recorder
 from gloc3.log.selection import period_s
 from gloc3.messages.frames import Quaternion, Vector3, from_euler, multiply

@@ -1,6 +1,6 @@
 """A message as a log record, a JSON object, and back without loss.
 
-The object holds the payload's own fields, Foxglove's beside them (`gloc3.log.foxglove`), and what JSON or the MCAP
+The object holds the payload's own fields, Foxglove's beside them (`gloc3.log.foxglove.schemas`), and what JSON or the MCAP
 record cannot carry: `_t_s`, the exact time of validity, and `_not_finite`, the numbers that are no numbers.
 """
 
@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from gloc3.log.foxglove import FoxgloveView, timestamp, view_of
+from gloc3.log.foxglove.schemas import FoxgloveView, timestamp, view_of
 from gloc3.log.json_schema import describe_type
 from gloc3.log.pictures import pack_picture, unpack_picture
 from gloc3.messages.envelope import Envelope, Message, Source

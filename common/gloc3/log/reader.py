@@ -11,7 +11,7 @@ import msgspec
 from mcap.records import Channel
 
 from gloc3.errors import Finding, InputError, Refused
-from gloc3.log.foxglove import VIEWS
+from gloc3.log.foxglove.schemas import VIEWS
 from gloc3.log.payloads import PayloadDecoder
 from gloc3.log.record import RUN
 from gloc3.log.scan import Chunk, Data, RawMessage, Scan

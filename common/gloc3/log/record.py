@@ -9,9 +9,8 @@ Everything is on disk within a quarter of a second. In virtual time the same run
 import asyncio
 import os
 import struct
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal, NamedTuple
@@ -23,16 +22,8 @@ from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.log.disk_file import DiskFile
-from gloc3.log.foxglove import (
-    MAP_FRAME,
-    MAP_FROM_NED,
-    NED_FRAME,
-    PATH_SCHEMA,
-    path,
-    timestamp,
-    transform,
-)
-from gloc3.log.foxglove_scene import (
+from gloc3.log.encoding_worker import EncodingWorker
+from gloc3.log.foxglove.scene import (
     FRAMES,
     FRAMES_SCHEMA,
     SCENE,
@@ -40,6 +31,15 @@ from gloc3.log.foxglove_scene import (
     FoxgloveScene,
     path_entity,
     stamped,
+)
+from gloc3.log.foxglove.schemas import (
+    MAP_FRAME,
+    MAP_FROM_NED,
+    NED_FRAME,
+    PATH_SCHEMA,
+    path,
+    timestamp,
+    transform,
 )
 from gloc3.log.payloads import PayloadEncoder, origin
 from gloc3.log.selection import TopicChoice, period_s
@@ -69,10 +69,6 @@ class TopicBytes(NamedTuple):
     messages: int
     bytes: int
     """Before compression."""
-
-
-MOST_WAITING: Final = 32
-"""Pictures that may wait to be compressed; more are lost."""
 
 
 class _Route:
@@ -108,16 +104,6 @@ class _Route:
             return False
         self.due_s = (self.due_s if abs(early_s) < period_s else t_s) + period_s
         return True
-
-
-class _Waiting(NamedTuple):
-    """A message that a worker encodes."""
-
-    data: Future[bytes]
-    channel: LogChannel
-    sequence: int
-    log_ns: int
-    publish_ns: int
 
 
 class Recorder:
@@ -166,8 +152,7 @@ class Recorder:
         self._made: dict[tuple[str, str], tuple[LogChannel, Source, str]] = {}
         """Topic and type to the channel, with its publisher and frame."""
         self._scene = FoxgloveScene()
-        self._worker: ThreadPoolExecutor | None = None
-        self._waiting: deque[_Waiting] = deque()
+        self._worker = EncodingWorker()
         self._channels: list[LogChannel] = []
         self._shown: dict[str, LogChannel] = {}
         self._subscriptions: list[Unsubscribe] = []
@@ -205,8 +190,8 @@ class Recorder:
         In wall time with a loop, pictures are compressed in a thread.
         """
         self._subscriptions.append(exchange.subscribe("**", self.record))
-        if loop is not None and not self._clock.is_virtual and self._worker is None:
-            self._worker = ThreadPoolExecutor(1, "log pictures")
+        if loop is not None and not self._clock.is_virtual:
+            self._worker.start()
         if loop is not None and self._timer is None:
             self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
 
@@ -239,8 +224,7 @@ class Recorder:
                 self._writer.finish()
             except OSError as error:
                 self._fail(error)
-        if self._worker is not None:
-            self._worker.shutdown()
+        self._worker.close()
         if self._is_owner:
             try:
                 self._stream.close()
@@ -284,7 +268,7 @@ class Recorder:
         offset_ns = self._offset_ns
         try:
             publish_ns = offset_ns + round(envelope.t_s * 1e9)
-            if route.is_slow and self._worker is not None:
+            if route.is_slow and self._worker.is_running:
                 self._encode_later(route, channel, envelope, publish_ns)
                 return
             data = route.encode(envelope, publish_ns, route.origin)
@@ -299,19 +283,16 @@ class Recorder:
 
     def _encode_later(self, route: _Route, channel: LogChannel, envelope: Envelope[Any], publish_ns: int) -> None:
         """Has a worker encode a message; it is in the log after the next flush, with the time of now."""
-        if len(self._waiting) >= MOST_WAITING or self._worker is None:
-            self.lost += 1
-            return
-        data = self._worker.submit(route.encode, envelope, publish_ns, route.origin)
         log_ns = self._offset_ns + round(self._now_s() * 1e9)
-        self._waiting.append(_Waiting(data, channel, envelope.sequence, log_ns, publish_ns))
+        encode = partial(route.encode, envelope, publish_ns, route.origin)
+        if not self._worker.submit(channel, envelope.sequence, log_ns, publish_ns, encode):
+            self.lost += 1
 
     def _append_encoded(self, *, is_waiting: bool) -> None:
         """Appends what the worker has encoded; or waits for all of it."""
-        while self._waiting and (is_waiting or self._waiting[0].data.done()):
-            one = self._waiting.popleft()
+        for channel, sequence, log_ns, publish_ns, data in self._worker.take(is_waiting=is_waiting):
             try:
-                self._writer.append(one.channel, one.sequence, one.log_ns, one.publish_ns, one.data.result())
+                self._writer.append(channel, sequence, log_ns, publish_ns, data.result())
             except (ValueError, struct.error):  # a time or a sequence that no log can hold
                 self.lost += 1
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.base import Exchange, Unsubscribe
-from gloc3.log.foxglove import MAP_FRAME, MAP_FROM_NED, NED_FRAME, TRANSFORM_SCHEMA, timestamp, transform
+from gloc3.log.foxglove.schemas import MAP_FRAME, MAP_FROM_NED, NED_FRAME, TRANSFORM_SCHEMA, timestamp, transform
 from gloc3.log.payloads import PayloadEncoder
 from gloc3.messages.envelope import Envelope, Message
 from gloc3.messages.topics import TopicTable

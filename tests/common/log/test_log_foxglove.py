@@ -19,9 +19,9 @@ from mcap.reader import make_reader
 
 from gloc3.camera.model import CameraModel
 from gloc3.log.description import RunDescription
-from gloc3.log.foxglove import VIEWS
-from gloc3.log.foxglove_layout import LAYOUT_FILE, layout
-from gloc3.log.foxglove_scene import stamped
+from gloc3.log.foxglove.layout import LAYOUT_FILE, layout
+from gloc3.log.foxglove.scene import stamped
+from gloc3.log.foxglove.schemas import VIEWS
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE
 from gloc3.messages.envelope import Event, Severity, Source
 from gloc3.messages.frames import from_euler

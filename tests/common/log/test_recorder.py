@@ -18,7 +18,7 @@ from mcap.stream_reader import StreamReader
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import LocalExchange
-from gloc3.log.foxglove import PATH_SCHEMA, TRANSFORM_SCHEMA
+from gloc3.log.foxglove.schemas import PATH_SCHEMA, TRANSFORM_SCHEMA
 from gloc3.log.info import summarize
 from gloc3.log.json_schema import SCALARS
 from gloc3.log.payloads import PROBLEM, PayloadEncoder

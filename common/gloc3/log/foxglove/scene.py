@@ -9,7 +9,7 @@ from math import cos, sin, tau
 from typing import Any, Final, NamedTuple
 
 from gloc3.camera.model import CameraModel, Lens
-from gloc3.log.foxglove import (
+from gloc3.log.foxglove.schemas import (
     INTEGER,
     NED_FRAME,
     NUMBER,

@@ -5,8 +5,8 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.log.foxglove import MAP_FRAME
-from gloc3.log.foxglove_scene import SCENE, body_frame
+from gloc3.log.foxglove.scene import SCENE, body_frame
+from gloc3.log.foxglove.schemas import MAP_FRAME
 
 LAYOUT_FILE: Final = "foxglove-layout.json"
 MOST_PICTURES: Final = 4

@@ -9,19 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import foxglove.layouts as fl
-import foxglove.messages
 import msgspec
 import pytest
-from google.protobuf import descriptor_pool, json_format, message_factory
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from google.protobuf.timestamp_pb2 import Timestamp
+from google.protobuf import json_format
 from mcap.reader import make_reader
 
 from gloc3.camera.model import CameraModel
 from gloc3.log.description import RunDescription
 from gloc3.log.foxglove.layout import LAYOUT_FILE, layout
 from gloc3.log.foxglove.scene import stamped
-from gloc3.log.foxglove.schemas import VIEWS
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE
 from gloc3.messages.envelope import Event, Severity, Source
 from gloc3.messages.frames import from_euler
@@ -32,12 +28,10 @@ from gloc3.messages.vehicle import AutopilotPose, Image, MotionLimits, ObstacleS
 from gloc3.mission.model.fence import Area, Fence
 from gloc3.platform.reader import load_platform, whole_text
 
+from .foxglove_sdk import foxglove_fields, parsed
 from .samples import FENCE, POSE, LogInMemory
 
 OTHER = Source("pelican", "other", 5)
-OWN_FIELDS = {"foxglove.CompressedImage": {"data"}, "foxglove.PointCloud": set[str]()}
-"""Fields of a message that are those of Foxglove's schema, too."""
-BESIDE = {view.schema: set(view.properties) for _, view in VIEWS}
 
 
 def limits(fence: Fence | None) -> MotionLimits:
@@ -89,40 +83,12 @@ def shown(topic: str = "") -> Iterator[tuple[str, str, dict[str, Any]]]:
     for schema, channel, message in make_reader(io.BytesIO(LOG)).iter_messages():
         if schema is not None and schema.name.startswith("foxglove.") and topic in ("", channel.topic):
             values = json.loads(message.data)
-            if "type" in channel.metadata:
-                wanted = BESIDE[schema.name] | OWN_FIELDS.get(schema.name, set())
-                values = {name: value for name, value in values.items() if name in wanted}
-            yield channel.topic, schema.name, values
+            yield channel.topic, schema.name, foxglove_fields(schema.name, values, is_ours="type" in channel.metadata)
 
 
 def only(topic: str) -> dict[str, Any]:
     ((_, _, values),) = shown(topic)
     return values
-
-
-def timed(value: Any) -> Any:
-    """The same with times as Protobuf has them in JSON."""
-    if isinstance(value, dict):
-        if value.keys() == {"sec", "nsec"}:
-            time = Timestamp()
-            time.FromNanoseconds(value["sec"] * 1_000_000_000 + value["nsec"])
-            return time.ToJsonString()
-        return {name: timed(inner) for name, inner in value.items()}
-    return [timed(inner) for inner in value] if isinstance(value, list) else value
-
-
-def parsed(schema: str, values: dict[str, Any]) -> Any:
-    """The message as Foxglove's SDK describes it.
-
-    Raises:
-        json_format.ParseError: a field is not in the schema, or of another type.
-    """
-    described = getattr(foxglove.messages, schema.removeprefix("foxglove.")).get_schema()
-    files, pool = FileDescriptorSet.FromString(described.data), descriptor_pool.DescriptorPool()
-    for file in files.file:
-        pool.Add(file)
-    found = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema))()
-    return json_format.ParseDict(timed(values), found, descriptor_pool=pool)
 
 
 def test_every_message_is_one_of_the_schema_of_its_channel() -> None:

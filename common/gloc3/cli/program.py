@@ -40,6 +40,7 @@ SUMMARIES: Final = {
     "log": "Inspect, plot, report, recover and replay logs.",
     "odometry": "Run odometers on data sets, and compare trajectories with the truth.",
     "component": "List components and describe them.",
+    "completion": "Print a script that completes commands and options in a shell.",
 }
 """What `gloc3 --help` says of the subcommands without loading any of them."""
 

@@ -49,8 +49,6 @@ TESTS: Final = [
     "tests/common/log/test_log_replay.py",
     "tests/common/log/test_log_foxglove.py",
     "tests/common/log/test_beside_autopilot.py",
-    "tests/flight/test_log_of_sensors.py",
-    "tests/architecture/test_installs.py",
 ]
 
 

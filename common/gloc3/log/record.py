@@ -166,18 +166,16 @@ class Recorder:
         self.problem = ""
         """Why recording has ended early, such as a full disk."""
         self._is_open = True
-        self.write_metadata(
-            RUN,
-            {
-                **metadata,
-                "time": "virtual" if clock.is_virtual else "wall",
-                "utc_offset_ns": str(self._offset_ns),
-                "version": __version__,
-            },
-        )
-        self.write_transforms([transform(MAP_FRAME, NED_FRAME, (0.0, 0.0, 0.0), MAP_FROM_NED)])
+        self._begin(metadata)
 
     # --- life ---
+
+    def _begin(self, metadata: Mapping[str, str]) -> None:
+        """Writes what every log begins with."""
+        time = "virtual" if self._clock.is_virtual else "wall"
+        own = {"time": time, "utc_offset_ns": str(self._offset_ns), "version": __version__}
+        self.write_metadata(RUN, {**metadata, **own})
+        self.write_transforms([transform(MAP_FRAME, NED_FRAME, (0.0, 0.0, 0.0), MAP_FROM_NED)])
 
     @staticmethod
     def _open(path: Path, clock: Clock) -> "BinaryIO | DiskFile":

@@ -165,8 +165,7 @@ class RunLog:
         """Bytes written since the begin, once a second, for as long as growth is measured."""
         self._finished_bytes = 0
         self._closing: asyncio.Future[str] | None = None
-        if description is not None:
-            description.write_layout(files.folder, topics)
+        self._write_layout()
         self.path = files.next()
         """Of the file that is written now."""
         self._before = self.path
@@ -188,6 +187,14 @@ class RunLog:
         """The files that are still being written, or finished in a thread."""
         paths = {self.path} if self._closing is None or self._closing.done() else {self.path, self._before}
         return paths | {path.with_suffix(".tlog") for path in paths}
+
+    def _write_layout(self) -> None:
+        """Writes the layout for Foxglove; without it the log is as good."""
+        try:
+            if self._description is not None:
+                self._description.write_layout(self._files.folder, self._topics)
+        except OSError as error:
+            self._warn(f"the layout for Foxglove cannot be written: {error.strerror or error}")
 
     def select(self, chosen: Mapping[str, TopicChoice]) -> Mapping[str, TopicChoice]:
         """Changes what is recorded of some topics, in later files, too.

@@ -10,6 +10,7 @@ from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.log.description import RunDescription
+from gloc3.log.foxglove.layout import LAYOUT_FILE
 from gloc3.log.reader import LogReader
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE, RUN
 from gloc3.messages.envelope import Event, Severity
@@ -179,3 +180,16 @@ async def test_what_the_log_records_is_changed_for_later_files_too(tmp_path: Pat
         with LogReader(tmp_path / name) as reader:
             counts.append(len(list(reader.entries("components/*/event"))))
     assert counts == [0, 1]
+
+
+async def test_a_layout_that_cannot_be_written_stops_nothing(tmp_path: Path) -> None:
+    (tmp_path / LAYOUT_FILE).symlink_to("/dev/full")
+    loop, exchange, said = asyncio.get_running_loop(), LocalExchange(), list[str]()
+    log = RunLog(
+        LogFiles(tmp_path), LogLimits(), Clock(loop), TopicTable.installed(), exchange, loop, {}, DESCRIPTION, list,
+        lambda _, text: said.append(text),
+    )  # fmt: skip
+    assert said == ["the layout for Foxglove cannot be written: No space left on device"]
+    assert log.problem == ""
+    await log.close()
+    assert texts(tmp_path / "log.mcap") == []

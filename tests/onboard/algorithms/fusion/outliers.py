@@ -60,6 +60,8 @@ def together() -> list[Case]:
         for platform, groups in pairs.items()
         for names in groups
     ]
+    drift = dict.fromkeys(("stereo", "tracker"), "ramp")
+    cases.append(Case("hummingbird: stereo and tracker drift by 0.05 m/s", "hummingbird", drift))
     mixed = {"stereo": "garbage", "laser": "scale", "tracker": "step"}
     return [*cases, Case("pelican: stereo garbage, laser 5 % too long, tracker 0.2 m off", "pelican", mixed)]
 

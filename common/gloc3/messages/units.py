@@ -6,6 +6,7 @@ from typing import Final
 UNITS: Final[Mapping[str, str]] = {
     "_rad_s2": "rad/s²",
     "_rad_s": "rad/s",
+    "_deg_s": "°/s",
     "_m_s2": "m/s²",
     "_m_s": "m/s",
     "_n_m": "N m",

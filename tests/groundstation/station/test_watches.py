@@ -215,6 +215,7 @@ def test_names_tell_the_units() -> None:
     assert split_unit("speed_m_s") == ("speed", "m/s")
     assert split_unit("position_ned_m") == ("position_ned", "m")
     assert split_unit("rate_frd_rad_s") == ("rate_frd", "rad/s")
+    assert split_unit("rate_deg_s") == ("rate", "°/s")
     assert split_unit("battery_percent") == ("battery", "%")
     assert split_unit("landed") == ("landed", "")
 

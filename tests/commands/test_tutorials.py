@@ -1,0 +1,87 @@
+"""Does the tutorials to the letter: writes their files, runs their commands, and compares the lines that they show.
+
+A block of `console` holds commands, each with the lines that it prints; `…` stands for what may differ, and alone on a
+line for any number of lines. Blocks of `sh` are run; those of `bash` are for a reader at a terminal of their own.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.flight
+
+PAGES = Path(__file__).parents[2] / "docs" / "tutorials"
+STEP = re.compile(r"^(?:`(?P<file>[\w./-]+)`:\n\n)?```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+INSTALL = "pip install --editable ."
+WRONG_USE = 2
+
+
+def commands(text: str) -> Iterator[tuple[str, list[str]]]:
+    """The commands of a block of `console`, each with the lines that it prints."""
+    for one in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
+        command, *lines = one.rstrip("\n").split("\n")
+        yield command, lines
+
+
+def pattern(lines: list[str]) -> re.Pattern[str]:
+    """What the output has to match."""
+    return re.compile(
+        "".join(r"(?:.*\n)*" if line == "…" else re.escape(line).replace("…", ".*") + r"\s*\n" for line in lines)
+    )
+
+
+def install(folder: Path) -> None:
+    """Makes the package of the page known, as `pip install --editable .` does, in the folder alone."""
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    info = folder / f"{project['name']}-{project['version']}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
+    groups = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
+        for group, points in project["entry-points"].items()
+    ]
+    (info / "entry_points.txt").write_text("\n".join(groups))
+
+
+def run(command: str, folder: Path) -> str:
+    """What a command prints, warnings and errors too."""
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = os.environ | {"PATH": programs, "PYTHONPATH": str(folder), "COLUMNS": "120"}
+    done = subprocess.run(
+        ["bash", "-c", command],
+        cwd=folder,
+        env=environment,
+        check=False,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=300.0,
+    )
+    assert done.returncode < WRONG_USE, f"{command}\n{done.stdout}"
+    return done.stdout
+
+
+@pytest.mark.parametrize("page", sorted(path.stem for path in PAGES.glob("*.md")))
+def test_a_tutorial_is_done_to_the_letter(page: str, tmp_path: Path) -> None:
+    found = 0
+    for step in STEP.finditer((PAGES / f"{page}.md").read_text(encoding="utf-8")):
+        kind, text, file = step["kind"], step["text"], step["file"]
+        if file:
+            (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / file).write_text(text, encoding="utf-8")
+        elif kind == "sh" and text.strip() == INSTALL:
+            install(tmp_path)
+        elif kind == "sh":
+            run(text, tmp_path)
+        elif kind == "console":
+            for command, lines in commands(text):
+                output = run(command, tmp_path)
+                assert pattern(lines).fullmatch(output), f"{command}\n{output}"
+                found += 1
+    assert found

@@ -10,11 +10,12 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.flight
+pytestmark = [pytest.mark.flight, pytest.mark.sockets]
 
 PAGES = Path(__file__).parents[2] / "docs" / "tutorials"
 STEP = re.compile(r"^(?:`(?P<file>[\w./-]+)`:\n\n)?```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -49,14 +50,32 @@ def install(folder: Path) -> None:
     (info / "entry_points.txt").write_text("\n".join(groups))
 
 
+def surroundings(folder: Path) -> dict[str, str]:
+    """The environment of a command: this `gloc3` on the path, and the packages of the page."""
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return os.environ | {"PATH": programs, "PYTHONPATH": str(folder), "COLUMNS": "120"}
+
+
+@contextmanager
+def beside(command: str, folder: Path) -> Iterator[None]:
+    """Runs a program in the background."""
+    program = command.strip().removesuffix("&")
+    process = subprocess.Popen(
+        ["bash", "-c", f"exec {program}"], cwd=folder, env=surroundings(folder), start_new_session=True
+    )
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait(20.0)
+
+
 def run(command: str, folder: Path) -> str:
     """What a command prints, warnings and errors too."""
-    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = os.environ | {"PATH": programs, "PYTHONPATH": str(folder), "COLUMNS": "120"}
     done = subprocess.run(
         ["bash", "-c", command],
         cwd=folder,
-        env=environment,
+        env=surroundings(folder),
         check=False,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -69,6 +88,12 @@ def run(command: str, folder: Path) -> str:
 
 @pytest.mark.parametrize("page", sorted(path.stem for path in PAGES.glob("*.md")))
 def test_a_tutorial_is_done_to_the_letter(page: str, tmp_path: Path) -> None:
+    with ExitStack() as stack:
+        do(page, tmp_path, stack)
+
+
+def do(page: str, tmp_path: Path, stack: ExitStack) -> None:
+    """Does what a page says; what it starts beside ends with the stack."""
     found = 0
     for step in STEP.finditer((PAGES / f"{page}.md").read_text(encoding="utf-8")):
         kind, text, file = step["kind"], step["text"], step["file"]
@@ -77,6 +102,8 @@ def test_a_tutorial_is_done_to_the_letter(page: str, tmp_path: Path) -> None:
             (tmp_path / file).write_text(text, encoding="utf-8")
         elif kind == "sh" and text.strip() == INSTALL:
             install(tmp_path)
+        elif kind == "sh" and text.rstrip().endswith("&"):
+            stack.enter_context(beside(text, tmp_path))
         elif kind == "sh":
             run(text, tmp_path)
         elif kind == "console":

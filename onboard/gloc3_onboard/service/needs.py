@@ -38,6 +38,8 @@ KINDS: Final = {
     "video": DeviceNodeKind("char-video4linux", "videodev", VIDEO_GROUP),
 }
 """Kinds of device nodes, by name without its number."""
+OF_THE_BOARD: Final = frozenset({"ttyAMA", "ttyTHS", "ttyS", "ttyO", "ttymxc", "ttyLP", "ttySC", "serial"})
+"""Serial ports of the computer itself, by name without its number: there, or not built in."""
 
 
 class DeviceNode(NamedTuple):
@@ -54,7 +56,7 @@ class DeviceNode(NamedTuple):
         name = re.sub(r"\d+$", "", self.path.resolve().name)
         if name in KINDS:
             return [KINDS[name]]
-        return [] if self.path.exists() else [kind for kind in KINDS.values() if kind.group == self.group]
+        return [] if self.path.exists() or name in OF_THE_BOARD else [kind for kind in KINDS.values() if kind.group == self.group]
 
 
 def nodes(platform: Platform, options: OnboardOptions) -> list[DeviceNode]:

@@ -106,6 +106,8 @@ def test_only_the_devices_that_are_asked_for_are_allowed() -> None:
         "of a missing name either kind may come"
     )
     assert modules(found[:1]) == ("cdc_acm",)
+    board = nodes(platform, OnboardOptions(autopilot="serial:///dev/ttyTHS1:921600"))
+    assert (allowed(board), modules(board)) == (("/dev/ttyTHS1",), ()), "a port of the computer itself"
     text = SystemdUnit(name="a", command=("gloc3",), user="u", devices=("char-ttyACM",), groups=("dialout",)).text()
     assert "PrivateDevices" not in text
     assert "DevicePolicy=closed\nDeviceAllow=char-ttyACM rw\n" in text

@@ -5,7 +5,7 @@ from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
 from gloc3.exchange import Publisher
-from gloc3.messages.command_interface import CiRequest, CommandComponent, DirectCommand, Outcome, Query, Steer
+from gloc3.messages.command_interface import CiRequest, CommandComponent, Control, ControlVerb, Outcome, Query, Steer
 from gloc3.messages.vehicle import FlightMode
 from gloc3_sitl.autopilot.modes import Behaviour
 from gloc3_sitl.autopilot.verdict import Author
@@ -153,7 +153,7 @@ def test_a_return_that_an_operator_sent_meanwhile_is_no_pilot_s(flight: Card) ->
     flight.wait(3.0)
     flight.until(lambda: flight.driver.has_pilot_control, 4.0, "the driver sees that somebody else chose a mode")
     flight.await_policy("pilot", 4.0)
-    assert flight.request(DirectCommand(command="return", author="station 255")).outcome is Outcome.ACCEPTED
+    assert flight.request(Control(verb=ControlVerb.OPERATED, command="return")).outcome is Outcome.ACCEPTED
     assert flight.was_told("station 255 sent return to the autopilot while this process was not heard")
     flight.await_policy("operator", 1.0)
     flight.until(lambda: flight.last("ci/vehicle").is_operators, 1.5, "the station is told")
@@ -173,7 +173,7 @@ def test_a_hold_that_an_operator_sent_meanwhile_keeps_the_mission_paused(flight:
     flight.wait(1.0)
     set_mode(flight, Behaviour.HOLD if flight.style == "px4" else Behaviour.BRAKE)
     flight.wait(4.0)
-    told = DirectCommand(command="hold", author="station 255")
+    told = Control(verb=ControlVerb.OPERATED, command="hold")
     while flight.request(told).outcome is not Outcome.ACCEPTED:  # until the process knows its mission again
         assert flight.now_s < 30.0
         flight.wait(0.5)

@@ -115,6 +115,8 @@ class ControlVerb(StrEnum):
     """A commander gives a member a role for some time."""
     DISMISS = "dismiss"
     """And takes it back."""
+    OPERATED = "operated"
+    """Tells an onboard process that is back what the station has sent to the autopilot while that was silent."""
 
 
 class Control(RequestBody, frozen=True):
@@ -130,6 +132,8 @@ class Control(RequestBody, frozen=True):
     """With appoint."""
     for_s: float = 0.0
     """With appoint: for how long, s."""
+    command: str = ""
+    """With operated, in words: `return`, `go to 47.4, 8.5, 20`."""
 
 
 class EmergencyVerb(StrEnum):
@@ -147,14 +151,6 @@ class Emergency(RequestBody, frozen=True):
     author: str = ""
     confirmation: str = ""
     """With disarm: the platform's name, typed."""
-
-
-class DirectCommand(RequestBody, frozen=True):
-    """What a station has commanded the autopilot itself while the onboard process was silent; told when that is back."""
-
-    command: str
-    """In words: `return`, `go to 47.4, 8.5, 20`."""
-    author: str = ""
 
 
 class NearbyVehicle(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
@@ -280,7 +276,6 @@ AnyBody = (
     | CallFunction
     | Control
     | Emergency
-    | DirectCommand
     | Elsewhere
     | Query
     | Hello

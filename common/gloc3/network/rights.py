@@ -78,6 +78,8 @@ def rights_for(body: AnyBody) -> frozenset[Right]:
             found.add(Right.OVERRULE)
         case Control(verb=ControlVerb.APPOINT | ControlVerb.DISMISS):
             found.add(Right.APPOINT)
+        case Control(verb=ControlVerb.OPERATED):
+            found.add(Right.FLY)
         case Control() | Elsewhere():
             found.add(Right.CONTROL)
         case CallFunction():

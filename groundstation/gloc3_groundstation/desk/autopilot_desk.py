@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages.command_interface import DirectCommand, EmergencyVerb
+from gloc3.messages.command_interface import EmergencyVerb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3_groundstation.desk.control import holder_of, require_control, require_operator
@@ -120,8 +120,7 @@ class AutopilotDesk:
             await services.actions.act(action, *values_of(action, typed, platform))
         self._station.note(name, Severity.NOTICE, f"{in_words(action, typed)}: accepted by the autopilot")
         if platform is not None and platform.has_companion and action not in KEEP_THE_MODE:
-            author = f"station {self._station.id}"
-            self._station.notify_when_back(name, DirectCommand(command=in_words(action, typed), author=author))
+            self._station.notify_when_back(name, in_words(action, typed))
 
     async def set_home(self, name: str, place: GeoPoint) -> None:
         """Moves the home of a vehicle's autopilot, also of one with a companion; read back at the end.

@@ -9,7 +9,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.exchange.base import Exchange, Unsubscribe
-from gloc3.messages.command_interface import DirectCommand, Elsewhere, Hello, Outcome, ReadReports
+from gloc3.messages.command_interface import Control, ControlVerb, Elsewhere, Hello, Outcome, ReadReports
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.motion import MotionSummary
 from gloc3.messages.software import own_software
@@ -107,7 +107,7 @@ class Station:
         self.feed: Final = feed or EventFeed()
         """Up to where the events of each platform have been shown."""
         self._requested_s: dict[str, float] = {}
-        self._untold: dict[str, DirectCommand] = {}
+        self._untold: dict[str, str] = {}
         """What was commanded to the autopilots of silent onboard processes."""
         self.is_member = False
         """Whether platforms have rights for this station: it is a member of a network; set by the assembly."""
@@ -154,24 +154,24 @@ class Station:
         self.monitor.close()
         self.client.close()
 
-    def notify_when_back(self, name: str, command: DirectCommand) -> None:
+    def notify_when_back(self, name: str, command: str) -> None:
         """Has a silent onboard process told, when it is heard again, what was commanded to its autopilot meanwhile.
 
         Args:
             name: of the platform.
-            command: the last one; it takes the place of those before.
+            command: the last one, in words; it takes the place of those before.
         """
         self._untold[name] = command
 
-    async def _notify(self, name: str, command: DirectCommand) -> None:
+    async def _notify(self, name: str, command: str) -> None:
         """Tells it until it is accepted: a process that has just started takes some seconds to know its mission."""
         until_s = self.now_s() + NOTIFY_FOR_S
         while True:
-            reply = await self.client.request(name, command)
+            reply = await self.client.request(name, Control(verb=ControlVerb.OPERATED, command=command))
             if reply.outcome is Outcome.ACCEPTED:
                 return
             if self.now_s() > until_s:
-                text = f"was not told of the command {command.command!r} to its autopilot ({reply.reason})"
+                text = f"was not told of the command {command!r} to its autopilot ({reply.reason})"
                 self.note(name, Severity.WARNING, f"{text}: it takes it for a pilot's")
                 return
             await asyncio.sleep(NOTIFY_PERIOD_S)

@@ -14,7 +14,7 @@ from gloc3.errors import Finding, Refused
 from gloc3.messages.command_interface import (
     CiReply,
     CiRequest,
-    DirectCommand,
+    Control,
     Elsewhere,
     Emergency,
     EmergencyVerb,
@@ -312,9 +312,9 @@ class MissionCommands:
                 self._disarm(author, executor, now_s)
         return answer(request, reason=f"emergency {body.verb} by {author}")
 
-    def operated(self, request: CiRequest, body: DirectCommand, now_s: float) -> CiReply:
+    def operated(self, request: CiRequest, body: Control, now_s: float) -> CiReply:
         """What an operator has commanded the autopilot itself is no pilot's."""
-        self._host.operated(self.executor, f"{body.author or f'station {request.sender}'} sent {body.command}", now_s)
+        self._host.operated(self.executor, f"station {request.sender} sent {body.command}", now_s)
         return answer(request)
 
     def _disarm(self, author: str, executor: MissionExecutor, now_s: float) -> None:

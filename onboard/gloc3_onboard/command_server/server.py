@@ -19,7 +19,7 @@ from gloc3.messages.command_interface import (
     CiRequest,
     CommandComponent,
     Control,
-    DirectCommand,
+    ControlVerb,
     Elsewhere,
     Emergency,
     Hello,
@@ -59,7 +59,7 @@ LONGEST_LIMIT_S: Final = 1800.0
 """Time limits of requests are shorter, those of the largest missions over the slowest links included."""
 MOST_LIVES: Final = 64
 """Lives of stations whose last emergency is remembered."""
-OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, DirectCommand, Query, Hello)
+OPEN_TO_ALL: Final = (ReadMission, Control, Emergency, Query, Hello)
 """What a station may ask for without holding control."""
 
 
@@ -230,14 +230,14 @@ class RequestHandler:
                 return self.missions.single(request, body, now_s)
             case Emergency():
                 return self.missions.emergency(request, body, now_s)
-            case DirectCommand():
-                return self.missions.operated(request, body, now_s)
             case CommandComponent():
                 self.components.command(request, body, executor, now_s)
                 return None
             case CallFunction():
                 self.components.call(request, body, now_s)
                 return None
+            case Control(verb=ControlVerb.OPERATED):
+                return self.missions.operated(request, body, now_s)
             case Control():
                 after_s = executor.board.policies.link_loss_after_s
                 return answer(request, reason=self._authority.handle(request, body, after_s, now_s))

@@ -56,7 +56,11 @@ class DeviceNode(NamedTuple):
         name = re.sub(r"\d+$", "", self.path.resolve().name)
         if name in KINDS:
             return [KINDS[name]]
-        return [] if self.path.exists() or name in OF_THE_BOARD else [kind for kind in KINDS.values() if kind.group == self.group]
+        return (
+            []
+            if self.path.exists() or name in OF_THE_BOARD
+            else [kind for kind in KINDS.values() if kind.group == self.group]
+        )
 
 
 def nodes(platform: Platform, options: OnboardOptions) -> list[DeviceNode]:

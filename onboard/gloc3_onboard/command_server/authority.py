@@ -213,9 +213,10 @@ class Authority:
             return str(refusal)
         if request.role is StationRole.OBSERVER and not isinstance(request.body, QUERIES):
             return f"station {request.sender} may look and not command: it is an observer"
-        if not isinstance(request.body, QUERIES):
-            if not isinstance(request.body, Emergency) and (clash := self._identify(request)):
-                return clash
+        is_query = isinstance(request.body, QUERIES)  # unsigned: where there are rights, anyone may send one
+        if not is_query and not isinstance(request.body, Emergency) and (clash := self._identify(request)):
+            return clash
+        if not is_query or self.rights.is_open:
             self._note_contact(request.sender, request.member, now_s)
         if isinstance(request.body, Hello | Control):
             self._software.pop(request.sender, None)

@@ -38,7 +38,7 @@ def what_is_wrong_with(command: str) -> str:
     if name not in {point.name for point in entry_points(group="gloc3.commands")}:
         return "" if re.fullmatch(r"[A-Z]+|--help|--version", name) else name
     app = known(name)
-    while words and words[0] in app:  # type: ignore[operator] # cyclopts finds subcommands so
+    while words and words[0][0] != "-" and words[0] in app:  # type: ignore[operator] # cyclopts finds subcommands so
         app = app[words.pop(0)]  # type: ignore[index]
     if app.default_command is None:  # type: ignore[attr-defined]
         return words[0] if words and words[0].islower() else ""

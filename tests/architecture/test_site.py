@@ -32,6 +32,7 @@ def build(config: Path, to: Path) -> subprocess.CompletedProcess[str]:
 
 def test_every_page_is_in_the_navigation_once() -> None:
     pages = {path.name for path in (ROOT / "docs").glob("*.md")}
+    pages |= {f"tutorials/{path.name}" for path in (ROOT / "docs" / "tutorials").glob("*.md")}
     top = {place for place in TOP.values() if place.endswith(".md")}
     assert sorted(in_navigation()) == sorted({*pages, *top, "evidence/README.md"})
     assert {path.name for path in ROOT.glob("*.md")} == {name for name in TOP if name.endswith(".md")}

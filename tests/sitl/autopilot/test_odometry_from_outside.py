@@ -28,6 +28,8 @@ class Odometer:
         self.estimator = estimator
         self.is_on = True
         self.resets = 0
+        self.age_s = 0.0
+        """How long ago it claims to have measured."""
         self.shift = (0.0, 0.0)
         self._random = Random(4)
         self._next_s = 0.0
@@ -49,7 +51,7 @@ class Odometer:
         covariance = (1e-4, *(0.0,) * 5, 1e-4, *(0.0,) * 14)
         self.bench.send(
             "ODOMETRY",
-            time_usec=int(self.bench.sim.now_s * 1e6),
+            time_usec=int((self.bench.sim.now_s - self.age_s) * 1e6),
             frame_id=self.frame,
             child_frame_id=12,
             x=x + self.shift[0],
@@ -126,6 +128,18 @@ def test_it_lands_when_the_odometry_ends(style: str) -> None:
     odometer.is_on = False
     bench.run_until(lambda: bench.mode.lower() == "land", 3.0)
     bench.run_until(lambda: not bench.is_armed, 20.0)
+
+
+@pytest.mark.parametrize(("age_s", "is_used"), [(0.4, True), (2.4, False), (-3600.0, True)])
+def test_px4_drops_odometry_that_was_long_on_its_way_and_takes_another_clock_s_for_now(
+    age_s: float, is_used: bool
+) -> None:
+    px4 = indoors("px4")
+    odometer = Odometer(px4)
+    odometer.run(8.0)
+    odometer.age_s = age_s
+    odometer.run(4.0)
+    assert px4.autopilot.estimator.is_position_good(px4.sim.now_s) is is_used
 
 
 def test_ardupilot_ignores_other_frames_and_px4_refuses_other_estimators() -> None:

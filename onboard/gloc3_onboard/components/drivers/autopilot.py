@@ -229,6 +229,7 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             may_settle = self._machine.may_settle(self._climbed_m, pose.position_ned_m if pose is not None else None)
             behaviour = self._control.behaviour
             self._watch.lands_into = behaviour.lands_into
+            self._watch.restores_guided = behaviour.stream_before_guided_s > 0.0
             self._watch.update(
                 state,
                 now_s,

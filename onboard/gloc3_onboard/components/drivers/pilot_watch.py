@@ -48,6 +48,8 @@ class PilotWatch:
         """How long the last gap was for which the autopilot went over to its hold; 0 while there was none."""
         self.lands_into: tuple[str, ...] = ()
         """Modes, in the autopilot's names, that it enters automatically after our landing."""
+        self.restores_guided = False
+        """Whether setpoints of ours that arrive late bring it back from a failsafe to guided mode, as PX4's do."""
         self._expected: FlightMode | None = None
         self._commanded: dict[FlightMode, float] = {}
         """Modes that we have commanded and not seen yet, oldest first, with the time until which they may come."""
@@ -58,6 +60,8 @@ class PilotWatch:
         """Length of the last gap, which explains a hold until `_gap_until_s`."""
         self._received_s: float | None = None
         self._begins = True
+        self._is_guided_left = False
+        """The failsafe that has control took the vehicle out of our guided mode."""
         self._is_left_alone = False
         """The driver was stopped during a take-off of ours, which the autopilot ends in its hold."""
 
@@ -213,9 +217,11 @@ class PilotWatch:
             settles = settles or (may_come_down and state.mode in _COMING_DOWN and not state.is_failsafe)
             if self._holds_after_gap(before, state, now_s):
                 self.held_after_gap_s = self._gap_s
-            elif self.is_failsafe and not state.is_failsafe:  # a human takes over from it
-                self.reason, self.is_failsafe = self._chosen(state), False
+            elif self.is_failsafe and not state.is_failsafe:
+                if not (state.mode is FlightMode.GUIDED and self._is_guided_left and self.restores_guided):
+                    self.reason, self.is_failsafe = self._chosen(state), False  # a human takes over from it
             elif not (settles or has_landed or returns):
+                self._is_guided_left = state.is_failsafe and self._expected is FlightMode.GUIDED
                 self.lose(self._chosen(state), is_failsafe=state.is_failsafe)
         self._expected = state.mode
         self._is_left_alone = False

@@ -16,6 +16,10 @@ _ESTIMATORS: Final = (0, 1, 2, 3)
 """UNKNOWN, NAIVE, VISION and VIO; PX4 refuses the rest."""
 _X, _Y = 0, 6
 """Places of the first two variances in a row-major upper triangle of a 6x6 covariance."""
+OLD_S: Final = 1.0
+"""Age up to which a measurement is placed in the past."""
+OTHER_CLOCK_S: Final = 60.0
+"""Age from which its time is one by another clock."""
 
 
 def odometry(context: FrontContext, message: MavlinkMessage, sender: Address) -> None:
@@ -104,11 +108,17 @@ def mocap(context: FrontContext, message: MavlinkMessage, sender: Address) -> No
 
 
 def _estimate(context: FrontContext, odometer: ExternalOdometry) -> None:
-    """Hands odometry to the estimator; a time by another clock, or none, is taken as now."""
+    """Hands odometry to the estimator; a time by another clock, or none, is taken as now.
+
+    PX4's estimator drops what has been too long on its way; ArduPilot takes its lag for half a second at most.
+    """
     if not context.autopilot.accepts_odometry:
         return
     now_s = context.craft.now_s
-    if not now_s - 1.0 < odometer.t_s <= now_s:
+    age_s = now_s - odometer.t_s
+    if context.is_px4 and OLD_S <= age_s < OTHER_CLOCK_S and odometer.t_s > 0.0:
+        return
+    if not 0.0 <= age_s < OLD_S:
         odometer = replace(odometer, t_s=now_s)
     context.autopilot.estimator.use_external(odometer, now_s)
 

@@ -85,6 +85,16 @@ def test_a_change_that_we_did_not_command_is_somebody_elses(ours: FlightMode, th
     assert story.watch.reason == f"mode {theirs} was chosen by another party"
 
 
+@pytest.mark.parametrize("restores", [True, False])
+def test_setpoints_that_arrive_late_bring_px4_back_from_its_failsafe_and_no_pilot_did(restores: bool) -> None:
+    story = in_flight()
+    story.watch.restores_guided = restores
+    assert story.see(flying(LAND, is_failsafe=True), flying(GUIDED))
+    assert story.watch.is_failsafe is restores
+    assert story.see(flying(HOLD, is_failsafe=True), flying(MANUAL))
+    assert not story.watch.is_failsafe
+
+
 def test_a_pilot_s_mode_has_the_name_that_he_knows() -> None:
     story = in_flight()
     assert story.see(flying(RETURN, mode_name="AUTO.RTL"))

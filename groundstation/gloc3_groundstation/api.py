@@ -28,6 +28,7 @@ from gloc3.messages.command_interface import Control, ControlVerb, EmergencyVerb
 from gloc3.network.file import read_network
 from gloc3_groundstation.assembly import GroundStation, StationSetup
 from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.control import require_operator
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.flights import End, FarAway, Follower
 from gloc3_groundstation.desk.vehicle_commands import NotDone, parse_vehicle_command
@@ -78,6 +79,8 @@ class ScriptVehicle:
     async def upload(self, mission: str | Path, *, is_far_ok: bool = False) -> None:
         """Checks a mission, takes control, and uploads it, read back and compared.
 
+        The autopilot of a vehicle without a companion gets the file as it is: a `.plan`, or a file of waypoints.
+
         Args:
             mission: a mission file, a `.plan`, a file of waypoints, or the name of an example.
             is_far_ok: whether its first waypoint may be 2 km or more from the vehicle.
@@ -88,6 +91,12 @@ class ScriptVehicle:
             Refused: there is no such file, another station keeps control, or the vehicle refuses.
             NotHeard: the vehicle does not answer.
         """
+        if not self.state.has_companion:
+            require_operator(self._station)
+            plans = self._desk.services.vehicle(self.name).services.plans
+            if await plans.upload(plans.read(Path(mission))):
+                raise Refused(f"{mission} was uploaded, but the vehicle's plan differs from it")
+            return
         plan = await asyncio.to_thread(read_plan, str(mission), self.name)
         await flights.stream(self._station, self.name, plan, is_far_ok=is_far_ok)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from tests.evidence.page import ROOT, Bar, Figure, Progress
-from tests.groundstation.services.action_journey import fly
+from tests.groundstation.services.action_journey import fly, fly_by_script
 from tests.groundstation.services.test_services_with_sitl import at, simulated
 from tests.onboard.real_px4 import RealPx4
 from tests.onboard.real_vehicle import COPTER
@@ -21,6 +21,7 @@ from gloc3.errors import Gloc3Error
 
 INSTANCE: Final = 6
 COMMANDS: Final = 13
+BY_SCRIPT: Final = 12
 JOURNEYS: Final = {
     "by keys and palette": "tests/groundstation/tui/test_bare_vehicle_journey.py",
     "each class of ArduPilot": "tests/groundstation/services/test_actions_with_sitl.py",
@@ -71,6 +72,15 @@ def flown(name: str) -> dict[str, str]:
         return {"problem": f"{type(error).__name__} {error}".strip()}
 
 
+def scripted(name: str) -> dict[str, str]:
+    """What was seen of each command by the API for scripts."""
+    try:
+        with AUTOPILOTS[name]() as url, tempfile.TemporaryDirectory() as folder:
+            return asyncio.run(fly_by_script(url, Path(folder)))
+    except (AssertionError, TimeoutError, Gloc3Error, OSError) as error:
+        return {"problem": f"{type(error).__name__} {error}".strip()}
+
+
 def tested(path: str) -> str:
     """The last line of a test file."""
     called = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", path]
@@ -90,6 +100,14 @@ def run(progress: Progress) -> Sequence[Figure]:
             Figure(f"{name}: commands tried to the end", seen.get("problem", str(len(seen))), f"≥ {COMMANDS}", is_met)
         )
         figures += [Figure(f"… {command}", words) for command, words in seen.items() if command != "problem"]
+        by_script: dict[str, str] = progress.part(f"{name} by script", partial(scripted, name))
+        progress.report(f"{name} by the API: {by_script.get('problem') or f'{len(by_script)} commands'}")
+        is_met = len(by_script) >= BY_SCRIPT
+        count = by_script.get("problem", str(len(by_script)))
+        figures.append(
+            Figure(f"{name}, by the API for scripts: commands tried to the end", count, f"≥ {BY_SCRIPT}", is_met)
+        )
+        figures += [Figure(f"… {command}", words) for command, words in by_script.items() if command != "problem"]
     for title, path in JOURNEYS.items():
         said = progress.part(title, partial(tested, path))
         figures.append(Figure(f"{title} ({path})", said, "passed", not said.startswith("not so")))

@@ -2,15 +2,18 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import Frame, decode
 from gloc3.mavlink.flight_modes import mode_name
 from gloc3.mavlink.message import MavlinkMessage
 from gloc3.mission.formats.items import ForeignPlan, MavItem, PlanEntry
+from gloc3_groundstation.api import connect
 from gloc3_groundstation.links.link import StationLinkCore
 from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.services.vehicle import VehicleServices
+from gloc3_groundstation.station import wording
 
 NORTH_DEG = 1e-4
 """11 m."""
@@ -143,7 +146,49 @@ async def fly(services: VehicleServices, link: StationLinkCore) -> dict[str, str
     return seen
 
 
-async def _told(work: Awaitable[None]) -> str:
+async def fly_by_script(url: str, folder: Path) -> dict[str, str]:
+    """The same by the API for scripts; by command what telemetry showed then.
+
+    Raises:
+        Gloc3Error: one is not carried out.
+    """
+    seen: dict[str, str] = {}
+    async with connect(url) as station:
+        vehicle = await station.vehicle()
+
+        async def command(text: str) -> None:
+            seen[text] = await vehicle.command(text, ready_s=90.0, within_s=COMES_S)
+
+        for text in ("arm", "disarm", "take_off 5"):
+            await command(text)
+        platform = vehicle.state
+        assert platform.vehicle is not None
+        assert platform.vehicle.value.geo is not None
+        latitude, longitude, _ = platform.vehicle.value.geo
+        seen["go to a place 11 m north"] = await vehicle.command(
+            f"go_to {latitude + NORTH_DEG:.7f}, {longitude:.7f}, 5"
+        )
+        for text in ("speed 2", "hold"):
+            await command(text)
+        file = folder / "there.waypoints"
+        rows = ["QGC WPL 110", f"0\t1\t0\t16\t0\t0\t0\t0\t{latitude:.7f}\t{longitude:.7f}\t0\t1"]
+        for number, (item, north) in enumerate(((22, 0.0), (16, 3.0 * NORTH_DEG), (20, 0.0)), start=1):
+            place = f"{latitude + north:.7f}\t{longitude:.7f}\t6" if item != 20 else "0\t0\t0"
+            rows.append(f"{number}\t0\t3\t{item}\t0\t0\t0\t0\t{place}\t1")
+        file.write_text("\n".join(rows) + "\n")
+        await vehicle.upload(file)
+        for text in ("start_plan", "pause_plan"):
+            await command(text)
+        seen["reboot in the air"] = await _told(vehicle.command("reboot"))
+        await vehicle.command("hold")
+        seen["hold at once"] = wording.mode(vehicle.state)
+        await command("land")
+        mode = "Position" if "px4" in vehicle.name else "GUIDED"
+        await command(f"mode {mode}")
+    return seen
+
+
+async def _told(work: Awaitable[object]) -> str:
     """What becomes of a command that some autopilots refuse: PX4's simulation has nothing to restart."""
     try:
         await work

@@ -1,13 +1,14 @@
 """Commands to autopilots without a companion: MAVSDK's own process behind the station's link, against the simulated vehicle."""
 
 from functools import partial
+from pathlib import Path
 
 import pytest
 
 from gloc3.errors import Refused
 from gloc3_groundstation.services.actions import Action
 
-from .action_journey import Watch, fly, patiently
+from .action_journey import Watch, fly, fly_by_script, patiently
 from .test_services_with_sitl import at_hand, simulated, until, vehicle
 
 __all__ = ["vehicle"]
@@ -27,6 +28,13 @@ async def test_every_command_is_carried_out_and_confirmed(vehicle: tuple[str, in
         assert seen["restart on the ground"] == "accepted"
         with pytest.raises(Refused, match="it has no mode"):
             await services.actions.set_mode("FLOAT")
+
+
+async def test_every_command_is_carried_out_by_a_script(vehicle: tuple[str, int], tmp_path: Path) -> None:
+    _, port = vehicle
+    seen = await fly_by_script(f"udpout://127.0.0.1:{port}", tmp_path)
+    assert len(seen) == 12
+    assert "is armed" in seen["reboot in the air"]
 
 
 OTHERS: dict[str, dict[Action, int | str]] = {

@@ -6,6 +6,7 @@ A desk works on a station; screens and the headless station call it.
 __all__ = [
     "autopilot_desk",
     "component_desk",
+    "control",
     "desk",
     "events_desk",
     "flights",

@@ -1,8 +1,9 @@
 """`make docs`: writes the pages that are made from the code."""
 
-from tests.house import notice, public_api, walks, where
+from tests.house import notice, public_api, troubleshooting, walks, where
 
 where.PAGE.write_text(where.page(), encoding="utf-8")
 walks.PAGE.write_text(walks.page(), encoding="utf-8")
 public_api.PAGE.write_text(public_api.page(), encoding="utf-8")
+troubleshooting.PAGE.write_text(troubleshooting.page(), encoding="utf-8")
 notice.FILE.write_text(notice.text(), encoding="utf-8")

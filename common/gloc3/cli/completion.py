@@ -13,6 +13,8 @@ app = App(name="gloc3 completion", help_format="markdown", version_flags=[])
 def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
     """Print a script that completes `gloc3` in a shell: commands, options, choices and files.
 
+    For example:
+
     - bash: `gloc3 completion bash > ~/.local/share/bash-completion/completions/gloc3`
     - zsh: `gloc3 completion zsh > ~/.zfunc/_gloc3`, where `~/.zfunc` is in `fpath`
     - fish: `gloc3 completion fish > ~/.config/fish/completions/gloc3.fish`

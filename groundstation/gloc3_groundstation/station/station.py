@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.clock import Clock
+from gloc3.clock import Clock, passed
 from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages.command_interface import Control, ControlVerb, Elsewhere, Hello, Outcome, ReadReports
@@ -174,7 +174,7 @@ class Station:
                 text = f"was not told of the command {command!r} to its autopilot ({reply.reason})"
                 self.note(name, Severity.WARNING, f"{text}: it takes it for a pilot's")
                 return
-            await asyncio.sleep(NOTIFY_PERIOD_S)
+            await passed(NOTIFY_PERIOD_S)
 
     def _receive(self, envelope: Envelope[Any]) -> None:
         now_s = self.now_s()

@@ -3,12 +3,12 @@
 import importlib
 import re
 import sys
-import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.package_of_page import install
 
 from gloc3.cli.component import app
 from gloc3.component.deployment import problems_of
@@ -34,24 +34,13 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         file = tmp_path / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
-    _install(tomllib.loads(FILES["pyproject.toml"])["project"], tmp_path)
+    install(FILES["pyproject.toml"], tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     before = set(sys.modules)
     yield tmp_path
     for name in set(sys.modules) - before:
         if name.partition(".")[0] in ("reef", "test_sonar"):
             del sys.modules[name]
-
-
-def _install(project: dict[str, Any], folder: Path) -> None:
-    info = folder / f"{project['name']}-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
-    groups = [
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
-        for group, points in project["entry-points"].items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(groups))
 
 
 def _tests(package: Path) -> dict[str, Callable[[], None]]:

@@ -8,12 +8,12 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
+from tests.package_of_page import install
 
 pytestmark = [pytest.mark.flight, pytest.mark.sockets]
 
@@ -35,19 +35,6 @@ def pattern(lines: list[str]) -> re.Pattern[str]:
     return re.compile(
         "".join(r"(?:.*\n)*" if line == "…" else re.escape(line).replace("…", ".*") + r"\s*\n" for line in lines)
     )
-
-
-def install(folder: Path) -> None:
-    """Makes the package of the page known, as `pip install --editable .` does, in the folder alone."""
-    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    info = folder / f"{project['name']}-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
-    groups = [
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
-        for group, points in project["entry-points"].items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(groups))
 
 
 def surroundings(folder: Path) -> dict[str, str]:
@@ -101,7 +88,7 @@ def do(page: str, tmp_path: Path, stack: ExitStack) -> None:
             (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / file).write_text(text, encoding="utf-8")
         elif kind == "sh" and text.strip() == INSTALL:
-            install(tmp_path)
+            install((tmp_path / "pyproject.toml").read_text(encoding="utf-8"), tmp_path)
         elif kind == "sh" and text.rstrip().endswith("&"):
             stack.enter_context(beside(text, tmp_path))
         elif kind == "sh":

@@ -2,7 +2,6 @@
 
 import re
 import sys
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import platform as heron
+from tests.package_of_page import install
 
 from gloc3.documents.document import parse
 from gloc3.mission.checking.checker import Circumstances, check_text
@@ -38,15 +38,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         file = tmp_path / "site" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
-    project = tomllib.loads(FILES["pyproject.toml"])["project"]
-    info = tmp_path / "site" / "tarn-0.1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: tarn\nVersion: 0.1\n")
-    groups = [
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
-        for group, points in project["entry-points"].items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(groups))
+    install(FILES["pyproject.toml"], tmp_path / "site")
     monkeypatch.syspath_prepend(tmp_path / "site")
     argument_kinds.cache_clear()
     yield

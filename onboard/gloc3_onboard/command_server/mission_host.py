@@ -91,11 +91,11 @@ class MissionHost:
         self.counts = RequestCounts()
         """What the loaded mission takes."""
         self.granted = MotionGrant(action_id="", component="")
+        """The owner of motion."""
         self._landed_directly_s = -inf
         self._is_landing_reported = False
         self._ended: MissionProgram | None = None
         """The program whose end was reported."""
-        """The owner of motion."""
         self._site, self._observing, self._control, self._report = site, observing, control, report
         self._settle_s = settings.settle_s
         self._connected_s: float | None = None
@@ -253,7 +253,8 @@ class MissionHost:
                 executor.failsafe_landed(now_s)
             elif autopilot.mode is FlightMode.HOLD:
                 executor.failsafe_holds(now_s)
-        is_operators = self._is_operators(executor, autopilot, now_s)
+        self._follow_operator(executor, autopilot, now_s)
+        is_operators = executor.board.is_operator
         is_there = (autopilot is None or autopilot.has_transmitter) and not is_operators
         if not driver.has_pilot_control or is_there or self._attended_s is None:
             self._attended_s = now_s
@@ -276,15 +277,15 @@ class MissionHost:
         self._operated = autopilot.mode if autopilot is not None else FlightMode.OTHER
         executor.operated(what, now_s)
 
-    def _is_operators(self, executor: MissionExecutor, autopilot: AutopilotState | None, now_s: float) -> bool:
-        """Whether an operator's command to the autopilot still governs it: a mode that does not follow is a pilot's."""
+    def _follow_operator(self, executor: MissionExecutor, autopilot: AutopilotState | None, now_s: float) -> None:
+        """After an operator's command to the autopilot, a mode that does not follow from it is a pilot's."""
         if not executor.board.is_operator or autopilot is None or autopilot.mode is self._operated:
-            return executor.board.is_operator
+            return
         if autopilot.mode in BY_ITSELF.get(self._operated, ()):
             self._operated = autopilot.mode
-            return True
-        executor.pilot_after_operator(f"mode {mode_words(autopilot.mode_name)} was chosen by another party", now_s)
-        return False
+        else:
+            reason = f"mode {mode_words(autopilot.mode_name)} was chosen by another party"
+            executor.pilot_after_operator(reason, now_s)
 
     def _report_uncertainty(self, executor: MissionExecutor) -> None:
         """Says once, at the end of a mission, where the position is less certain than its waypoints needed."""

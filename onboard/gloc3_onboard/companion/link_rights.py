@@ -6,6 +6,7 @@ has, alone and unlimited, and whatever is not known to be harmless counts as fly
 
 from collections.abc import Set
 from enum import StrEnum
+from functools import cache
 from typing import Final
 
 from gloc3.mavlink.codec import Frame, shape
@@ -95,12 +96,7 @@ class LinkRights:
                 return not self._rights.may_alone(self._member, UNLIMITED)
 
 
+@cache
 def _ids(names: tuple[str, ...]) -> Set[int]:
-    found = _IDS.get(names)
-    if found is None:
-        found = _IDS[names] = frozenset(shape(name).id for name in names)
-    return found
-
-
-_IDS: Final[dict[tuple[str, ...], frozenset[int]]] = {}
-"""Numbers of messages by name, looked up when the first frame is judged: the dialect takes long to import."""
+    """Numbers of messages, looked up when the first frame is judged: the dialect takes long to import."""
+    return frozenset(shape(name).id for name in names)

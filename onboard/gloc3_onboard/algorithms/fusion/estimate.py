@@ -315,7 +315,7 @@ class PoseEstimate:
         """Standard deviation along each axis."""
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()
         doubts = zip(self.disputed_m, self.separation_m, self.reference_m, strict=True)
-        (north, east, down) = (x * x + y * y + z * z for x, y, z in doubts)
+        north, east, down = (one * one + two * two + three * three for one, two, three in doubts)
         return (sqrt(n + north), sqrt(e + east), sqrt(d + down))
 
 

@@ -98,7 +98,7 @@ class FleetScreen(StationScreen):
             self._seen = view.platform.name
             vehicles.point_at(self._seen)
         possible = self.desk.fleet.control_verbs(view.platform) if view.platform is not None else frozenset()
-        lines = control_lines(view, possible)
+        lines = control_lines(view, possible, vehicles.width)
         control.styles.height = max(len(lines), 2) + 1
         control.show(lines, fleet_title(view, marked))
         known = self.desk.fleet.links()

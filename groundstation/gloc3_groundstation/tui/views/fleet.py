@@ -13,7 +13,7 @@ from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, vehicle_table, worst_span
-from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut
+from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, wrapped
 from gloc3_groundstation.tui.widgets.tables import Column, table_of
 
 COLUMNS: Final = (
@@ -70,8 +70,8 @@ def fleet_title(view: StationView, marked: Sequence[str]) -> str:
     return f"{count}: commands go to {view.platform.name}" if view.platform is not None else count
 
 
-def control_lines(view: StationView, possible: Container[ControlVerb]) -> list[Line]:
-    """Holder of control of the selected vehicle, a pending request, and possible actions."""
+def control_lines(view: StationView, possible: Container[ControlVerb], width: int) -> list[Line]:
+    """Holder of control of the selected vehicle, a pending request, possible actions, and what the station may do."""
     platform = view.platform
     if platform is None:
         return []
@@ -96,19 +96,18 @@ def control_lines(view: StationView, possible: Container[ControlVerb]) -> list[L
         if verb in possible
     ]
     hints = [part for key, label in keys for part in (Span(f"   {key}", Tone.KEY), Span(f" {label}", Tone.DIM))]
-    return [tuple(spans), tuple(hints), *_rights_lines(platform.rights)]
+    return [tuple(spans), tuple(hints), *_rights_lines(platform.rights, width)]
 
 
-def _rights_lines(rights: MemberRights) -> list[Line]:
+def _rights_lines(rights: MemberRights, width: int) -> list[Line]:
     """What this station may do, and why not more; nothing where there are no rights."""
     if not rights.roles:
         return []
     two = [MEANINGS[Right(name)] for name in rights.two_persons]
     second = f"; two persons: {', '.join(two)}" if two else ""
-    return [
-        (Span(f" This station is {wording.roles(rights)}{second}", Tone.TEXT),),
-        *((Span(f" {refusal}", Tone.DIM),) for refusal in rights.refusals.values()),
-    ]
+    texts = [(f"This station is {wording.roles(rights)}{second}", Tone.TEXT)]
+    texts += [(refusal, Tone.DIM) for refusal in rights.refusals.values()]
+    return [(Span(f" {line}", tone),) for text, tone in texts for line in wrapped(text, width - 1)]
 
 
 def link_header(width: int) -> Line:

@@ -42,7 +42,7 @@ def test_a_links_line_tells_what_was_refused_or_did_not_come() -> None:
 
 
 def test_who_asks_for_control_is_told_with_the_keys_that_answer() -> None:
-    text = [text_of(line) for line in control_lines(view(PLATFORM), {ControlVerb.GRANT, ControlVerb.REFUSE})]
+    text = [text_of(line) for line in control_lines(view(PLATFORM), {ControlVerb.GRANT, ControlVerb.REFUSE}, 80)]
     assert text == [" this station in control", "   g grant   f refuse"]
 
 

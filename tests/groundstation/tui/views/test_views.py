@@ -345,9 +345,11 @@ def test_a_triggered_component_is_not_called_slow_while_its_input_rests() -> Non
 def test_what_this_station_may_and_why_not_more_stands_below_control() -> None:
     role = HeldRole(Role.OPERATOR, None, ("take_off", "land"))
     rights = MemberRights([role], {"overrule": "overruling needs the role commander of heron"}, ["terminate"])
-    without = texts(control_lines(view(PLATFORM), frozenset()))
-    assert texts(control_lines(view(replace(PLATFORM, rights=rights)), frozenset())) == [
+    without = texts(control_lines(view(PLATFORM), frozenset(), 120))
+    assert texts(control_lines(view(replace(PLATFORM, rights=rights)), frozenset(), 120)) == [
         *without,
         " This station is operator (only take_off and land); two persons: disarming in flight",
         " overruling needs the role commander of heron",
     ]
+    narrow = texts(control_lines(view(replace(PLATFORM, rights=rights)), frozenset(), 30))
+    assert narrow[-2:] == [" overruling needs the role", " commander of heron"]

@@ -280,7 +280,8 @@ class Recorder:
             self.lost += 1
 
     def _encode_later(self, route: _Route, channel: LogChannel, envelope: Envelope[Any], publish_ns: int) -> None:
-        """Has a worker encode a message; it is in the log after the next flush, with the time of now."""
+        """Has a worker encode a message; it is in the log after the next flush or picture, with the time of now."""
+        self._append_encoded(is_waiting=False)  # so that those that are encoded take no room from those that wait
         log_ns = self._offset_ns + round(self._now_s() * 1e9)
         encode = partial(route.encode, envelope, publish_ns, route.origin)
         if not self._worker.submit(channel, envelope.sequence, log_ns, publish_ns, encode):

@@ -130,12 +130,15 @@ def test_pictures_are_recorded_as_png_files_and_read_back_whole(tmp_path: Path) 
     assert "foxglove.CompressedImage" in schemas
 
 
-async def test_in_wall_time_pictures_are_compressed_in_a_thread_and_none_is_missing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("flush_s", [0.02, 60.0])
+async def test_in_wall_time_pictures_are_compressed_in_a_thread_and_none_is_missing(
+    tmp_path: Path, flush_s: float
+) -> None:
     loop, exchange, file = asyncio.get_running_loop(), LocalExchange(), tmp_path / "log.mcap"
-    recorder = Recorder(file, Clock(loop), TABLE, {"platform": "bench"}, flush_s=0.02, chosen={"camera/*": True})
+    recorder = Recorder(file, Clock(loop), TABLE, {"platform": "bench"}, flush_s=flush_s, chosen={"camera/*": True})
     recorder.attach(exchange, loop)
     camera = Publisher(exchange, "bench", "camera", 1)
-    sent: list[Any] = [picture(seed, is_colour=True) for seed in range(20)]
+    sent: list[Any] = [picture(seed, is_colour=True) for seed in range(80)]
     times = []
     for image in sent:
         times.append(loop.time())

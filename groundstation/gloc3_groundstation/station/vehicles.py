@@ -249,14 +249,12 @@ class Vehicles:
             best = self._route(name)
             if best is not None:
                 fleet = self._shown(fleet, name, best, now_s)
-                fleet = self._with_texts(fleet, name, best, now_s)
+                fleet = self._with_texts(fleet, name, now_s)
         return fleet
 
-    def _with_texts(self, fleet: Fleet, name: str, key: SenderKey, now_s: float) -> Fleet:
-        """What an autopilot says, as events, unless a companion passes it on."""
-        texts = {route: self._watches[route].new_texts(now_s) for route in self._routes(name)}[
-            key
-        ]  # all bring the same
+    def _with_texts(self, fleet: Fleet, name: str, now_s: float) -> Fleet:
+        """What an autopilot says, as events, unless a companion passes it on; all routes bring the same."""
+        texts, *_ = [self._watches[route].new_texts(now_s) for route in self._routes(name)]
         known = fleet.get(name)
         if known is not None and (not known.has_companion or known.is_quiet_link(now_s)):
             for text in texts:

@@ -147,6 +147,8 @@ def _fault(payload: Any) -> tuple[str, bool]:
 def find_happening(happenings: Sequence[Happening], what: str) -> Happening:
     """The happening at a time in seconds (the last one until then), or the first that holds a text.
 
+    A component that comes up counts only where nothing else holds the text: *land* is a landing, not `landing` that starts.
+
     Raises:
         Refused: there is none.
     """
@@ -155,7 +157,7 @@ def find_happening(happenings: Sequence[Happening], what: str) -> Happening:
     except ValueError:
         found = [one for one in happenings if what.lower() in f"{one.subject}: {one.text}".lower()]
         if found:
-            return found[0]
+            return next((one for one in found if not _is_ordinary(one)), found[0])
         raise Refused(f"nothing in the log says {what!r}; `gloc3 log info --events` lists its events") from None
     shown = [one for one in happenings if one.t_s <= at_s + _AT_ONCE_S and one.topic == "ci/event"]
     if not shown:
@@ -182,7 +184,7 @@ def _cause(happenings: Sequence[Happening], seen: Happening) -> Happening | None
     best, best_score = None, LEAST
     for one in happenings[:index]:
         elapsed_s = seen.t_s - one.t_s
-        if elapsed_s > WINDOW_S or _is_ordinary(one) or _gist(one) == _gist(seen):
+        if elapsed_s > WINDOW_S or _is_ordinary(one) or _gist(one) == _gist(seen) or _are_modes(one, seen):
             continue
         score = _score(seen, wanted, one) - 0.5 * elapsed_s / WINDOW_S
         if score >= best_score:
@@ -193,6 +195,11 @@ def _cause(happenings: Sequence[Happening], seen: Happening) -> Happening | None
 def _is_ordinary(one: Happening) -> bool:
     """Whether it explains nothing: a component that comes up."""
     return one.topic.startswith("components/") and not one.text.startswith(_TROUBLE)
+
+
+def _are_modes(*both: Happening) -> bool:
+    """Whether they are modes of the autopilot: one is no cause of the next."""
+    return all(one.topic == "autopilot" for one in both)
 
 
 def _gist(one: Happening) -> tuple[str, str]:

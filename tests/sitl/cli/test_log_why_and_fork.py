@@ -35,6 +35,17 @@ def test_a_policy_goes_back_to_the_fault_that_cut_the_link(run: Path) -> None:
     assert chain[-1] == "injected: fault link_loss@6..14"
 
 
+def test_one_word_is_enough_where_a_component_has_it_in_its_name(run: Path) -> None:
+    chain = why(run, "land")
+    assert chain[0] == "mission: link lost: no message for 5 s; policy: land"
+    assert chain[-1] == "injected: fault link_loss@6..14"
+
+
+def test_a_mode_of_the_autopilot_is_no_cause_of_the_next(run: Path) -> None:
+    assert why(run, "mode land")[1:] == []
+    assert why(run, "landing: initialize")[0].startswith("landing: initialize")
+
+
 def test_a_component_that_fails_goes_back_to_its_own_fault(run: Path) -> None:
     assert why(run, "pose: working -> faulty")[-1] == "injected: fault crash:pose@8..8.4"
 

@@ -43,7 +43,7 @@ schema: $(READY)  ## the JSON Schemas of mission files, platform files and the s
 	$(BIN)/gloc3 platform schema --out docs/schema/platform.schema.json
 	$(BIN)/gloc3 station schema --out docs/schema/station-lines.schema.json
 
-docs: $(READY)  ## the pages and NOTICE, which are made from the code and the installed packages
+docs: $(READY)  ## the pages and NOTICE that are made from the code, and the titles of the evidence
 	$(BIN)/python -m tests.house
 
 site: $(READY)  ## the documentation as a site, in site/; to search in it, serve it: python3 -m http.server -d site

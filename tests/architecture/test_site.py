@@ -35,6 +35,7 @@ def test_every_page_is_in_the_navigation_once() -> None:
     pages |= {f"tutorials/{path.name}" for path in (ROOT / "docs" / "tutorials").glob("*.md")}
     top = {place for place in TOP.values() if place.endswith(".md")}
     assert sorted(in_navigation()) == sorted({*pages, *top, "evidence/README.md"})
+    assert in_navigation()[-1] == "evidence/README.md", "an appendix, behind all that is to be read"
     assert {path.name for path in ROOT.glob("*.md")} == {name for name in TOP if name.endswith(".md")}
 
 

@@ -7,6 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Final
 
+from tests.house import style
 from tests.house.measure import read_modules, statements_of
 
 ROOT: Final = Path(__file__).parents[2]
@@ -34,16 +35,6 @@ PRIVATE: Final = frozenset(
 """Words that are no names: `request`, `reply`, `report`, `receive`, `supervisor`, `queue`, `vote` and `route` are."""
 SETTINGS: Final = frozenset({"is_climb_told", "is_range_told"})
 """Names that others have in their files."""
-RIDDLES: Final = re.compile(
-    r"\b(?:anew|whoever|befalls?|hearsay|lament\w*|heralds?|confess\w*|caretakers?|errands?|for lost|brings nothing"
-    r"|until somebody|there and back|speaks against|(?:said|told|put) in words|the one at hand|what it is worth"
-    r"|(?:is|are|was|were|be|been) told|lets? (?:you|it|them) know|looks old|comes to nothing|to no avail)\b",
-    re.IGNORECASE,
-)
-"""Phrases of documents and help that have a plainer form: *again*, *if*, *reported*, *shown*, *reasons*."""
-PAGES: Final = (*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md")))
-"""What people read; `docs/evidence` is written by its tests, in their names."""
-_QUOTED: Final = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 _WORD: Final = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 _ARGUMENTS: Final = re.compile(r"^Args:\n(.*?)(?=^\S|\Z)", re.MULTILINE | re.DOTALL)
 _ENTRY: Final = re.compile(r"^    \*{0,2}(\w+)(?: \(.*\))?:", re.MULTILINE)
@@ -130,29 +121,16 @@ def test_both_would_be_found() -> None:
     assert described(tree.body[0]) - parameters_of(tree.body[0]) == {"more", "e"}
 
 
-def riddles_in(text: str) -> list[str]:
-    """Lines of a page or a docstring with a phrase that has a plainer form, quoted code aside."""
-    plain = _QUOTED.sub("", text)
-    return [plain[: found.start()].rpartition("\n")[2] + found[0] for found in RIDDLES.finditer(plain)]
-
-
-def help_texts() -> Iterator[tuple[str, str]]:
-    """Texts of the modules behind the commands, from which their help is made, with the module's path."""
-    for module in read_modules(ROOT).values():
-        if "cli" in module.path.with_suffix("").parts:
-            for node in ast.walk(module.tree):
-                if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                    yield str(module.path), node.value
-
-
-def test_documents_and_help_speak_plainly() -> None:
-    pages = [(page.name, page.read_text(encoding="utf-8")) for page in PAGES]
-    help_ = list(help_texts())
-    assert len(pages) > 30
-    assert len(help_) > 1000
-    assert [(where, line) for where, text in [*pages, *help_] for line in riddles_in(text)] == []
+def test_documents_help_and_claims_speak_plainly() -> None:
+    texts = list(style.texts())
+    assert len({where for where, _ in texts if where.endswith(".md")}) > 40
+    assert len(texts) > 1100
+    assert list(style.findings(texts)) == []
 
 
 def test_a_riddle_would_be_found_and_code_is_none() -> None:
-    assert riddles_in("It starts anew.\nWhat is wrong is told once.") == ["It starts anew", "What is wrong is told"]
-    assert riddles_in("Run `gloc3 anew`:\n```\nanew\n```\nagain, or tell your story") == []
+    assert style.riddles_in("It starts anew.\nWhat is wrong is told once.") == [
+        "It starts anew",
+        "What is wrong is told",
+    ]
+    assert style.riddles_in("Run `gloc3 anew`:\n```\nanew\n```\nagain, or tell your story") == []

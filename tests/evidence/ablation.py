@@ -280,12 +280,12 @@ def _flown() -> Row:
 BARS = (
     Bar(
         "ablation",
-        "Every fault of every source, in flight",
-        "The whole stack flies 11 m in the hold at 0.7 m/s, pictures and all. 12 s after the begin, with 8 m to go, something "
-        "goes wrong with one source of the pose for good, or two are gone, or all that hold the position. With one the mission is "
-        f"done; with more it is done, or ends in a landing by its policy, at no more than {HARD_M_S:g} m/s and {ASIDE_M:g} m aside, with the reason. The largest "
-        f"error is that of a pose that says it is valid, no more than {LARGEST_M:g} m; the time is that to the first pose that "
-        "does not rest on the source.",
+        "Any source of the pose may fail in flight: the mission is done, or ends in a safe landing",
+        "The whole stack flies 11 m in the hold at 0.7 m/s, with rendered pictures. After 12 s, with 8 m to go, one "
+        "source of the pose fails for good, or two are removed, or all that hold the position. With one failure the "
+        f"mission is done. With more it is done, or its policy lands the vehicle at no more than {HARD_M_S:g} m/s and "
+        f"{ASIDE_M:g} m aside, with the reason. The largest error, at most {LARGEST_M:g} m, is that of a pose marked "
+        "valid; the time is that to the first pose that does not use the source.",
         run,
         seeds="0",
     ),

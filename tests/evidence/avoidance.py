@@ -246,11 +246,11 @@ def _corridor(found: list[dict[str, Any]]) -> list[Figure]:
 BARS = (
     Bar(
         "avoidance",
-        "The inspection vehicle among obstacles",
-        "Flights of the Pelican on JSBSim. Boxes at random and one that moves across the way are kept away "
-        f"from (the hull is a ball of {courses.HULL_M:g} m around the middle, to the tips of the rotors); a lamp that is hidden "
-        "from the tracker is found again; a distance to a wall is kept, and the report of what was seen of it is true; in a "
-        "corridor the laser odometer knows what it cannot know.",
+        "The inspection vehicle keeps half a metre from obstacles, moving ones included",
+        "The Pelican flies on JSBSim among boxes at random places and one that moves across its path. Distances count "
+        f"from the hull, a ball of {courses.HULL_M:g} m around the centre that includes the tips of the rotors. A lamp "
+        "that is hidden from the tracker is found again. A distance to a wall is kept, and the report of what was "
+        "seen of the wall is true. In a corridor the laser odometer reports the direction that it cannot measure.",
         run,
         seeds=f"{SEEDS[0]} to {SEEDS[-1]} among boxes, {OWN[0]} to {OWN[-1]} by its own sensors, controls {CONTROLS[0]} to {CONTROLS[-1]}",
     ),

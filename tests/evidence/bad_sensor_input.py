@@ -80,12 +80,13 @@ def _none(results: list[dict[str, Any]], what: str) -> tuple[str, str, bool]:
 BARS = (
     Bar(
         "bad-sensor-input",
-        "Bad sensor input",
-        "Each sensor of the inspection vehicle, with the real components behind it up to the pose, which has no other source "
-        "here: bad input is told as not valid with a reason (in italics), or what comes of it is right within its covariance; "
-        "a torn picture may pass for a motion of up to 0.2 m, which the fusion turns down; all is valid again by itself; nothing turns faulty, and no number is none. *Past its sampler*: nobody has marked the "
-        "input. A calibration is exchanged by initializing anew; a focal length that is wrong in one camera shows in nothing "
-        "but the disagreement of the sources ([the fusion](fusion.md)).",
+        "Bad sensor data is marked invalid with a reason, and every component recovers",
+        "Each sensor of the inspection vehicle runs with the real components behind it, up to the pose, which has no "
+        "other source here. Bad input is marked invalid with a reason (in italics), or the result is right within its "
+        "covariance. A torn picture may pass for a motion of up to 0.2 m, which the fusion rejects. Everything "
+        "becomes valid again without help, no component becomes faulty, and no output is NaN. *Past its sampler*: the "
+        "sampler did not mark the input. A calibration is replaced by initializing the component again. A wrong focal "
+        "length in one camera shows only in the disagreement of the sources ([the fusion](fusion.md)).",
         matrix,
         seeds="fixed; hypothesis chooses in the tests",
     ),

@@ -117,10 +117,11 @@ def run(progress: Progress) -> Sequence[Figure]:
 BARS = (
     Bar(
         "bare-vehicles",
-        "Vehicles without a companion",
-        "The ground station commands autopilots themselves: each command is sent by the service that the keys and the palette "
-        "use (modes by its own DO_SET_MODE, all else by MAVSDK in a process of its own), and what the vehicle's own telemetry shows of it is the figure. Over UDP and "
-        "TCP in real time, the real programs with their own physics.",
+        "The station commands PX4 and ArduPilot vehicles that have no companion",
+        "The ground station commands autopilots directly. Each command is sent by the service that the keys and the "
+        "palette use (modes by the station's own DO_SET_MODE, everything else by MAVSDK in a separate process). The "
+        "figure is what the vehicle's own telemetry shows of it. The real programs run with their own physics, over "
+        "UDP and TCP, in real time.",
         run,
     ),
 )

@@ -151,10 +151,11 @@ def cost_figures(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "browser",
-        "The station's pages in a browser",
-        "`gloc3 station --web` as its own process, simulated vehicles over UDP, and a headless Chromium of three sizes, one "
-        "with touch: HOLD is on every page, a station that stands still is told within 3 s, pages come back by themselves, "
-        "rights and TLS hold, and twenty vehicles cost little. (Wall time, on two shared cores.)",
+        "HOLD works on every page of the station in a browser, on three screen sizes",
+        "`gloc3 station --web` runs as its own process with simulated vehicles over UDP. A headless Chromium opens "
+        "its pages in three sizes, one with touch. HOLD is on every page, a frozen station is reported within 3 s, "
+        "pages reconnect on their own, rights and TLS hold, and twenty vehicles cost little. (Wall time, on two "
+        "shared cores.)",
         browser,
     ),
 )

@@ -190,10 +190,11 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         PAGE,
-        "Missions on a busy computer",
-        f"{LOOPS} loops that never rest run beside the programs of a flight on {CORES} cores, with the same priority: the "
-        "autopilot with its own physics, `gloc3 onboard` and `gloc3 station --headless`; `gloc3 demo` with its three programs. "
-        "A pose or a setpoint that is late is waited for in a hold, and the mission goes on.",
+        "Missions are done on a computer whose cores are all busy",
+        f"{LOOPS} endless loops run beside the programs of a flight on {CORES} cores, with the same priority: the "
+        "autopilot with its own physics, `gloc3 onboard` and `gloc3 station --headless`, or `gloc3 demo` with its "
+        "three programs. When a pose or a setpoint is late, the vehicle holds until it arrives, and the mission "
+        "continues.",
         run,
     ),
 )

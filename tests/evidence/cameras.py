@@ -242,7 +242,7 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         name="cameras",
-        title="Cameras, pictures and payload",
+        title="Pictures carry time, position and attitude, and other programs read them",
         claim="Pictures of a flight are in colour and carry time, position and attitude, which other programs read; "
         "MAVSDK and QGroundControl's sequence find and shoot the camera; missions move servos, grippers, relays and "
         "winches. Nothing of this was tried on hardware: no V4L2, GPIO or PWM device, no gripper, and no photogrammetry "

@@ -218,12 +218,13 @@ def mended() -> list[Figure]:
 BARS = (
     Bar(
         "campaign",
-        "Flights with faults at any moment",
-        "`gloc3 prove` flies missions of every platform with one to three faults at a time, drawn from everything that can go "
-        "wrong, at any moment, in rough weather and calm, and judges each flight by its invariants ([proof](../proof.md)). The "
-        "missions are the templates of `gloc3 mission new` with less to fly: set off, go 6 m and land; a way of three places; a "
-        "survey of three lines; for what flies on wings fields of one or two lines; and on what the cameras see the "
-        "first of these and the example `inspection`. What breaks an invariant is shrunk, and stands below with the command that flies it.",
+        "Faults at random moments of a flight break no invariant",
+        "`gloc3 prove` flies missions of every platform with one to three faults at a time, drawn from everything "
+        "that can go wrong, at any moment, in rough weather and calm, and judges each flight by its invariants "
+        "([proof](../proof.md)). The missions are shortened templates of `gloc3 mission new`: depart, fly 6 m and "
+        "land; a path of three waypoints; a survey of three lines; for fixed wings, fields of one or two lines. "
+        "Platforms that fly by their cameras fly the first of these and the example `inspection`. A flight that "
+        "breaks an invariant is shrunk, and is listed below with the command that flies it.",
         judge,
         seeds="0, 1000 and 2000, and from each on 20 of the flights",
     ),

@@ -131,19 +131,20 @@ def services(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "other-tools",
-        "MAVSDK, MAVProxy, QGroundControl's and dronekit's sequences through the router",
-        "MAVSDK 4.1 and MAVProxy, unmodified, and the messages that QGroundControl sends, by its public sources, when it "
-        "connects and uploads a plan, reach the autopilot and the onboard computer through `gloc3 onboard`: link up, "
-        "parameters fetched, missions uploaded and flown, mode changed; so do stations on UDP, TCP and a serial line at once, "
-        "while the one on TCP flies as dronekit does. MAVProxy is taken from the Python that `MAVPROXY_PYTHON` names.",
+        "MAVSDK, MAVProxy and the message sequences of QGroundControl and dronekit work through the router",
+        "Unmodified MAVSDK 4.1 and MAVProxy reach the autopilot and the onboard computer through `gloc3 onboard`, and "
+        "so do the messages that QGroundControl sends, according to its public sources, when it connects and uploads "
+        "a plan: links come up, parameters are fetched, missions are uploaded and flown, and modes change. Stations "
+        "on UDP, TCP and a serial line do the same at once, while the one on TCP flies as dronekit does. "
+        "`MAVPROXY_PYTHON` names the Python that has MAVProxy.",
         tools,
     ),
     Bar(
         "companion-services",
-        "Component 191 for other people's software",
-        "Commands, missions, fences, parameters, files, metadata and control of the onboard computer are served by "
-        "MAVLink's protocols; what is refused is refused with the right result and a reason in words; strangers by the "
-        "thousand change nothing and leave nothing behind.",
+        "Other software uses the onboard computer by MAVLink's own protocols",
+        "The onboard computer (component 191) serves commands, missions, fences, parameters, files, metadata and "
+        "control by MAVLink's protocols. A refusal carries the right result and a readable reason. Thousands of "
+        "unknown senders change nothing and leave nothing behind.",
         services,
     ),
 )

@@ -176,9 +176,10 @@ def day(progress: Progress, count: int = EVENTS, hours: float = HOURS) -> list[F
 BARS = (
     Bar(
         "day",
-        "A day's work",
-        "A station hears 1,000,000 events and follows ten vehicles for 8 hours. All events can be searched while one "
-        "types, map and charts are drawn as on the first minute, and the process stays below 300 MB.",
+        "After 8 hours, ten vehicles and a million events the station is still quick",
+        "A station receives 1,000,000 events and follows ten vehicles for 8 hours. All events can be searched while "
+        "the operator types, map and charts are drawn as fast as in the first minute, and the process stays below 300 "
+        "MB.",
         day,
     ),
 )

@@ -154,12 +154,13 @@ def _without(dives: list[dict[str, Any]]) -> list[Figure]:
 BARS = (
     Bar(
         "dead-reckoning",
-        "Dead reckoning under water",
-        "AUV and ROV dive lanes on their own reckoning: velocity over the floor (0.1 % of scale, 0.15° of mounting, 6 mm/s of noise), a "
-        "heading of 0.15° and depth, in a current of 0.09 m/s that nobody tells them. What counts is by how much the error of the pose "
-        "grows between diving and coming up. Without bottom lock the vehicle is believed to do what it is asked to; the error is then the "
-        "current's, and the pose says so. The way leads out and back, where errors of heading and scale take each other back: what counts is on "
-        "the way, too. Scale makes the error along it, heading and mounting the error across.",
+        "Under water, dead reckoning is off by at most 1 % of the distance travelled",
+        "AUV and ROV dive lanes by dead reckoning: velocity over the floor (0.1 % of scale, 0.15° of mounting, 6 mm/s "
+        "of noise), a heading error of 0.15°, and depth, in a current of 0.09 m/s that is not in their models. The "
+        "figure is the growth of the pose error between diving and surfacing. Without bottom lock the vehicle is "
+        "assumed to move as commanded; the error is then the current's, and the pose reports it. The path leads out "
+        "and back, which cancels errors of heading and scale, so the error during the dive counts as well. Scale "
+        "causes the error along the path, heading and mounting cause the error across it.",
         run,
         seeds="1 to 10; 1 to 6 without the DVL",
         pictures=(PICTURE,),

@@ -139,11 +139,11 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "firmware",
-        "A real firmware on our physics",
-        "ArduPilot's own simulation build flies on our physics, sensors and worlds by its JSON interface: by a bare MAVLink "
-        "client, and with `gloc3 onboard` and `gloc3 station`, with satellites and, by our pose as `ODOMETRY` alone, without. "
-        "PX4's interface has been tested against a peer written from its public description; the real firmware has not "
-        "flown on it yet.",
+        "The real ArduPilot flies on GLOC3's physics, with and without satellites",
+        "ArduPilot's own simulation build flies on our physics, sensors and worlds by its JSON interface: with a "
+        "plain MAVLink client, and with `gloc3 onboard` and `gloc3 station`; with satellites, and without them by our "
+        "pose as `ODOMETRY` alone. PX4's interface has been tested against a peer written from its public "
+        "description; the real firmware has not flown on it yet.",
         run,
     ),
 )

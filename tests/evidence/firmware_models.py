@@ -297,10 +297,10 @@ def _figure(model: FirmwareModel, found: dict[str, str]) -> Figure:
 BARS = (
     Bar(
         "other-firmware-models",
-        "What the embedded autopilot does as the real firmwares",
-        "Tests fly against the embedded autopilot. Each row is a behaviour that was seen of the real PX4 1.16 (development) or "
-        f"ArduPilot 4.7 (development), with the tests in `{FOLDER}` that show it of the embedded autopilot, and how many of "
-        "their cases pass; a row without tests says what stands in its place.",
+        "The embedded autopilot behaves as the real PX4 and ArduPilot were observed to",
+        "Tests fly against the embedded autopilot. Each row is a behaviour observed in the real PX4 1.16 "
+        f"(development) or ArduPilot 4.7 (development), with the tests in `{FOLDER}` that show it in the embedded "
+        "autopilot, and how many of their cases pass. A row without tests says what replaces them.",
         firmware_models,
     ),
 )

@@ -205,12 +205,13 @@ def fleet(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "fleet",
-        "Five vehicles in one survey, and vehicles on crossing ways",
-        "Five vehicles of two kinds fly one mission whose ten blocks say `platform: any`: the station assigns them by capability, place and "
-        "budget, and has each part checked. The companion computer of one vehicle dies in its first block; the station assigns what it "
-        "leaves to the others, which go on by the new text in flight. And two vehicles fly across each other's way at the same height "
-        "and time, with and without a separation in their platform files. Whole stacks in virtual time; distances and blocks are those "
-        "of the simulated truth.",
+        "Five vehicles finish a survey after one is lost, and crossing vehicles keep 6 m apart",
+        "Five vehicles of two kinds fly one mission whose ten blocks say `platform: any`. The station assigns them by "
+        "capability, position and budget, and has each part checked. The companion computer of one vehicle dies in "
+        "its first block; the station assigns the remaining blocks to the others, which continue in flight by the new "
+        "mission. In further flights two vehicles cross each other's path at the same height and time, with and "
+        "without a separation in their platform files. Whole stacks run in virtual time; distances and blocks are "
+        "those of the simulated truth.",
         fleet,
         seeds="0 to 4, one for each vehicle",
         pictures=(SHARED_PICTURE, CROSSING_PICTURE),

@@ -101,13 +101,14 @@ def fleet_stations(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "fleet-stations",
-        "Three stations and five vehicles",
-        "Three stations command five vehicles at once, each command with a number of its own by which it is known again "
-        "where it arrives, and for three of the vehicles they ask for control, grant, refuse, release and take it at random, over "
-        "radios that lose one frame in ten, repeat and reorder (in virtual time; as processes, over UDP on loopback), while a "
-        "fourth flies the other two by one mission. A station dies while it holds control (as a process, by SIGKILL); another comes "
-        "late; the computer of one vehicle dies and comes back (in virtual time). The vehicles' own records are compared with what "
-        "the stations were told. And a hundred whole vehicles on one virtual clock.",
+        "Three stations command five vehicles: no command runs twice, or without control",
+        "Three stations command five vehicles at once. Each command has a number by which it is recognized where it "
+        "arrives. For three of the vehicles the stations request, grant, refuse, release and take over control at "
+        "random, while a fourth station flies the other two by one mission. Their radios lose one frame in ten, "
+        "repeat and reorder (in virtual time; as processes, over UDP on loopback). A station dies while it holds "
+        "control (as a process, by SIGKILL), another joins late, and the computer of one vehicle dies and comes back "
+        "(in virtual time). The records of the vehicles are compared with what the stations received. The last rows "
+        "run a hundred whole vehicles on one virtual clock.",
         fleet_stations,
         seeds=f"0 to {SEEDS - 1}, 0 to {RUNS - 1}",
     ),

@@ -191,9 +191,9 @@ def _accuracy(wind_m_s: float) -> dict[str, Any]:
 BARS = (
     Bar(
         "flight",
-        "A flight in virtual time: speed, determinism, accuracy",
-        "`gloc3 fly patrol`, everything logged, is at least 50 times faster than real time on one core, start-up "
-        "included; one seed gives one log, byte for byte; the path is kept.",
+        "A simulated flight is 50 times faster than real time, repeatable and accurate",
+        "`gloc3 fly patrol`, with everything logged, is at least 50 times faster than real time on one core, start-up "
+        "included. One seed gives one log, byte for byte, and the vehicle stays on its path.",
         run,
         seeds="1 for speed, 5 and 6 for determinism, 3 for accuracy",
     ),

@@ -45,10 +45,10 @@ def judge(progress: Progress) -> Sequence[Figure]:
 BARS = (
     Bar(
         "fuzz",
-        "Bytes of strangers",
-        "Every parser that bytes or files of others reach is searched by atheris, guided by the branches of its code, for "
-        f"{SECONDS} s. An input breaks a promise if another error than the declared one comes out, a finding has no place, or "
-        "it takes more than 2 s of processor time or 200 MB. What was found is mended, and its input is a test.",
+        "Every parser reads any bytes, or refuses them with a declared error",
+        "Atheris searches every parser that receives bytes or files of others, guided by the branches of its code, "
+        f"for {SECONDS} s. An input breaks a promise if it raises an undeclared error, if a finding has no place, or "
+        "if it takes more than 2 s of processor time or 200 MB. Findings are fixed, and their inputs become tests.",
         judge,
         seeds="the corpora in tests/fuzz/corpus and what earlier runs have grown",
     ),

@@ -217,9 +217,9 @@ def _between(name: str, runs: list[dict[str, Any]], key: str, low: float, high: 
 BARS = (
     Bar(
         "ground-odometry",
-        "The ground odometer, alone",
-        "On a 60 m inspection flight in the hold the ground odometer drifts by at most 0.8 % of the path, and by at most "
-        "1.3 % with the height 1 % wrong; its covariance is honest; a picture costs at most 3 ms.",
+        "The ground odometer alone drifts by at most 0.8 % of the path",
+        "On a 60 m inspection flight in the hold the ground odometer drifts by at most 0.8 % of the path, and by at "
+        "most 1.3 % with a height that is 1 % wrong. Its covariance is honest, and a picture costs at most 3 ms.",
         run,
         seeds="0 to 9",
     ),

@@ -125,11 +125,12 @@ def _whole(found: Report) -> Iterator[Figure]:
 BARS = (
     Bar(
         "hosts",
-        "One vehicle on three hosts",
-        "A vehicle, a vision computer and a base station, each a network namespace with a clock of its own, joined by "
-        "lines with certificates: TLS to the second, QUIC to the third. The Pelican flies in the hold without satellites, "
-        "by the pose that it fuses; the stereo odometer moves from the second to the third by one word. What goes wrong "
-        "on the lines and in the processes is told, has the vehicle do what was stated before (third column), and heals.",
+        "One vehicle flies on three computers, and survives slow, cut and lost links",
+        "A vehicle, a vision computer and a base station are network namespaces with clocks of their own, connected "
+        "by links with certificates: TLS to the second, QUIC to the third. The Pelican flies in the hold without "
+        "satellites, by its fused pose. The stereo odometer moves from the second computer to the third by one word "
+        "in a file. Each fault of a link or a process is reported, the vehicle reacts as stated before (third "
+        "column), and everything recovers.",
         hosts,
     ),
 )

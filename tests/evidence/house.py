@@ -140,13 +140,14 @@ def house(progress: Progress) -> Sequence[Figure]:
 BARS = (
     Bar(
         "house",
-        "The source tree before and after it got rooms",
-        f"One step gave the tree its rooms: it begins after `{BEFORE}` and ends with `{AFTER}`. It leaves fewer files and less "
-        "code, small folders, one meaning a name, no import circles, short constructors; who follows a message through the code "
-        "opens few files (`docs/walks.md`, today's); and the same flights have the same path errors to 1 mm. Figures with an "
-        "arrow compare these two commits, each flown with its own packages on this machine. The lines that the step added are "
-        "docstrings, comments and blank lines, six in seven; lines and statements have grown since by features (the proof search, real firmwares' habits, fences on the autopilot, aircraft that fly on wings); "
-        "multirotors fly closer corners since, on purpose.",
+        "The source tree got small folders, short constructors and no import circles",
+        f"One step gave the tree its rooms: it begins after `{BEFORE}` and ends with `{AFTER}`. It leaves fewer files "
+        "and less code, small folders, one meaning for a name, no import circles and short constructors. Few files "
+        "have to be opened to follow a message through the code (`docs/walks.md`, today's), and the same flights have "
+        "the same path errors to 1 mm. Figures with an arrow compare these two commits, each flown with its own "
+        "packages on this machine. Of the lines that the step added, six in seven are docstrings, comments and blank "
+        "lines. Lines and statements have grown since with features (the proof search, habits of real firmware, "
+        "fences on the autopilot, fixed wings), and multirotors now fly closer corners on purpose.",
         house,
         seeds=str(SEED),
     ),

@@ -82,21 +82,22 @@ BAD_INPUT = [
 BARS = (
     Bar(
         "mission-files",
-        "Mission files of other programs",
-        "Every file is read, or refused with a reason that a person can act on; written back and read again, nothing is lost.",
+        "Mission files of other programs are read without loss, or refused with a reason",
+        "Every file is read, or refused with a reason that the user can act on. A file that is written and read again "
+        "loses nothing.",
         missions,
     ),
     Bar(
         "state-table",
-        "The state table and its mutants",
-        "Every cell of the state table is covered by scenarios under the host, and single-cell mutations of it are caught.",
+        "Every cell of the state table is tested, and every changed cell is caught",
+        "Scenarios under the host cover every cell of the state table, and mutations of single cells are caught.",
         state_table,
     ),
     Bar(
         "bad-input",
-        "Bad input",
-        "Damaged, hostile and huge mission files, platform files, MAVLink frames and logs lead to a clear error or a "
-        "count, never to a traceback or a hang.",
+        "Bad files and frames give a clear error, never a traceback or a hang",
+        "Damaged, hostile and huge mission files, platform files, MAVLink frames and logs lead to a clear error or "
+        "are counted; none causes a traceback or a hang.",
         suite("bad-input", BAD_INPUT),
         seeds="hypothesis chooses, anew in every run",
     ),

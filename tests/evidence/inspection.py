@@ -109,9 +109,9 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "inspection-report",
-        "The inspection report",
-        "The coverage of a surface that `gloc3 log report` works out from recorded poses and camera models is within 5 % of "
-        "what the pictures truly show.",
+        "The inspection report states the coverage of a surface within 5 %",
+        "`gloc3 log report` computes the coverage of a surface from recorded poses and camera models. The result is "
+        "within 5 % of what the pictures show.",
         run,
         seeds="0 to 2",
     ),

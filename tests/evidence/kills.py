@@ -101,13 +101,13 @@ def kills(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "kills",
-        "Processes that are killed in flight",
-        "A patrol with the companion on two hosts: pose and limiter in a child process of the first, their standbys on the "
-        "second, in its main process and in a child; an operator in a process of his own who commands all the time. "
-        "Whichever of the processes is killed, and however often, the vehicle stays safe, the process comes back, and the "
-        "mission goes on where it was. Main processes are started again by a few lines, as systemd would; children by "
-        "their host. `on_restart: continue`; where a component and its standby are away at once `then: hold`, until the "
-        "operator says resume.",
+        "A companion that is killed 200 times in one flight finishes its mission safely",
+        "A patrol flies with the companion on two hosts: pose and limiter in a child process of the first, their "
+        "standbys on the second, in its main process and in a child. An operator in a separate process sends commands "
+        "all the time. Whichever process is killed, and however often, the vehicle stays safe, the process comes "
+        "back, and the mission continues where it was. A short script restarts main processes, as systemd would; "
+        "children are restarted by their host. The mission says `on_restart: continue`; where a component and its "
+        "standby are away at once, `then: hold` holds until the operator resumes.",
         kills,
         f"{SEED}: who is killed when",
     ),

@@ -169,9 +169,10 @@ def hold(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "laser-flight",
-        "The laser odometer in flight",
-        "360 beams at 10 Hz along the walls of the hold, rolling and pitching by 5°, the attitude known to 0.2°: drift, and "
-        "whether the errors are as the covariance says. Where the walls tell nothing of a direction, the covariance says so.",
+        "In flight the laser odometer drifts by at most 0.2 % and reports what it cannot measure",
+        "360 beams at 10 Hz measure the walls of the hold while the vehicle rolls and pitches by 5°, with an attitude "
+        "known to 0.2°. The rows give the drift, and whether the errors match the covariance. Where the walls do not "
+        "determine a direction, the covariance shows it.",
         hold,
         seeds=f"1 to {SEEDS}",
     ),

@@ -80,9 +80,10 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "link",
-        "A mission over a bad radio",
-        "Over a 57,600 baud memory link with 20 % of the frames lost each way and 300 ms latency, 20 kB upload within "
-        "15 s and nothing runs twice or is lost; the mission protocol moves 800 items at 10 % loss without a failure.",
+        "A mission arrives over a radio that loses 20 % of the frames",
+        "Over a 57,600 baud memory link that loses 20 % of the frames each way with 300 ms latency, 20 kB are "
+        "uploaded within 15 s, and nothing runs twice or is lost. The mission protocol moves 800 items at 10 % loss "
+        "without a failure.",
         run,
         seeds=f"0 to {UPLOADS - 1}; 0 to {TRANSFERS - 1}",
     ),

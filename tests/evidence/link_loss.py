@@ -69,13 +69,14 @@ def _words(style: str, found: Found) -> str:
 BARS = (
     Bar(
         "link-loss",
-        "Each link lost in each phase of a flight",
-        "The link to the station, and to the autopilot, is lost while the vehicle is idle, takes off, flies its mission, is "
-        "paused and lands: shorter than anybody acts upon (2 s, 0.25 s), long (8 s, 6 s), and with a restart of who is at "
-        "the other end (the station's process; the autopilot on the ground, the companion's process in the air). The "
-        "mission says on_link_loss: hold and on_pose_lost: continue. Each loss that is long is noticed and shown, the "
-        "policy acts on it, the mission comes to its end once the link is back and the operator goes on, the vehicle lands "
-        "and disarms; then the pre-flight list has nothing red, no policy is left over, and the same mission flies again.",
+        "A lost link is noticed, handled and recovered from in every phase of a flight",
+        "The link to the station, or to the autopilot, is lost while the vehicle is idle, takes off, flies its "
+        "mission, is paused or lands. The loss is shorter than any reaction (2 s, 0.25 s), long (8 s, 6 s), or "
+        "includes a restart of the other end (the station's process; the autopilot on the ground, the companion's "
+        "process in the air). The mission says on_link_loss: hold and on_pose_lost: continue. Each long loss is "
+        "noticed and shown, and the policy acts on it. Once the link is back and the operator resumes, the mission "
+        "finishes, and the vehicle lands and disarms. Then the pre-flight list has nothing red, no policy is left "
+        "over, and the same mission flies again.",
         matrix,
         seeds="1",
     ),

@@ -189,11 +189,11 @@ def figures(progress: Progress) -> list[Figure]:
 BARS: Final = (
     Bar(
         "logs",
-        "Logs read by and from other programs",
-        "Any valid MCAP is read; a flight's log replays every odometer, fits Foxglove's schemas, and becomes a ROS 2 bag; "
-        "the autopilot's own log lies beside ours. Not tried: the Foxglove app, a ROS installation, and logs of a real "
-        "flight: ULog and DataFlash files are made of a simulated flight, written by pyulog and by the documented form, and "
-        "read by pyulog and DFReader.",
+        "GLOC3 reads logs of other programs, and other programs read GLOC3's",
+        "Any valid MCAP file is read. The log of a flight replays every odometer, fits Foxglove's schemas, and "
+        "becomes a ROS 2 bag. The autopilot's own log can be compared with ours. Not tried: the Foxglove app, a ROS "
+        "installation, and logs of a real flight. ULog and DataFlash files are made from a simulated flight, written "
+        "by pyulog and by the documented format, and read by pyulog and DFReader.",
         figures,
         seeds="0",
     ),

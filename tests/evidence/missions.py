@@ -97,15 +97,16 @@ def _found(mutant: Any) -> int | None:
 BARS = (
     Bar(
         "random-missions",
-        "10,000 missions at random",
-        "Missions are drawn at random, three of four right, with loops, guards, definitions, patterns, ways flown by the "
-        "autopilot, silences and contingencies, the others with one thing wrong; checked; and flown in virtual time in five "
-        "kinds of weather: calm; components that fail, refuse, fall silent and are late; restarts at any moment, from what is "
-        "on disk; lost links, low batteries, lost poses, obstacles, lost components, pilots and emergencies, which policies and "
-        "contingencies answer; and all of it with operators at random. An observer that knows the file and the log of the "
-        "flight, and nothing of the executor, judges order, claims, owner of motion, fence, deadlines, guards, loops, policies "
-        "and what follows contingencies, attempts, what is on disk before it is told or begun, and that all comes to an end. "
-        "Breaking the executor in single lines shows that it would notice.",
+        "10,000 random missions break no rule of the mission language",
+        "Missions are generated at random, three of four valid, with loops, guards, definitions, patterns, paths "
+        "flown by the autopilot, silences and contingencies; each of the others contains one error. They are checked "
+        "and flown in virtual time in five conditions: calm; components that fail, refuse, fall silent and are late; "
+        "restarts at any moment, from what is on disk; lost links, low batteries, lost poses, obstacles, lost "
+        "components, pilots and emergencies, which policies and contingencies answer; and all of it with operators "
+        "who act at random. An observer that knows the file and the log of the flight, but not the executor, judges "
+        "order, claims, motion ownership, fence, deadlines, guards, loops, policies, the ends of contingencies, "
+        "attempts, what is on disk before it is reported or begun, and that everything ends. Breaking single lines of "
+        "the executor shows that the observer would notice.",
         run,
         seeds="0 to 9,999",
     ),

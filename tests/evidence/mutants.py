@@ -174,8 +174,8 @@ def judge(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "mutants",
-        "Tests that can fail",
-        "A small mistake that breaks a promise makes the test of that promise fail.",
+        "A small mistake that breaks a promise makes a test fail",
+        "Each row makes one small mistake in the code that breaks a promise. The test of that promise fails.",
         judge,
         seeds="as in the tests",
     ),

@@ -73,9 +73,10 @@ def study(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "obstacles",
-        "Among obstacles, without the vehicle",
-        "Waypoint controller and limiter with a scanner (360 beams, 10 mm noise, 12 m) and a point that follows 0.3 s late: "
-        "four boxes at random in a room and one that crosses, and walls up to 3.4° askew.",
+        "Waypoint controller and limiter alone keep half a metre from obstacles",
+        "Waypoint controller and limiter run with a scanner (360 beams, 10 mm of noise, 12 m) and a point that "
+        "follows 0.3 s late, without a vehicle. A room has four boxes at random and one that crosses; walls are up to "
+        "3.4° askew.",
         study,
         seeds=f"1 to {SEEDS}",
     ),

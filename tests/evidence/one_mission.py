@@ -70,11 +70,11 @@ def one_mission(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "one-mission",
-        "One mission file for several vehicles",
-        "The inspection of the hold is flown by two multirotors, of which one has a laser scanner and one has none, without satellites; the "
-        "survey is sailed by the boat, dived by the AUV and driven by the rover. Each is given the same file; heights, speeds and ways of "
-        "setting off that it does not say are limits and capabilities of the platform. The AUV's miss is that of the satellite fixes from "
-        "which it dives.",
+        "One mission file is flown, sailed, dived and driven by different vehicles",
+        "Two multirotors fly the inspection of the hold without satellites, one with a laser scanner and one without. "
+        "The boat sails, the AUV dives and the rover drives the survey. Each gets the same file; heights, speeds and "
+        "ways to depart that the file does not give come from the limits and capabilities of the platform. The AUV "
+        "misses by the error of the satellite fixes from which it dives.",
         one_mission,
         seeds="1",
         pictures=tuple(picture(party.mission, platform) for party in PARTIES for platform in party.platforms),

@@ -346,11 +346,12 @@ def run(progress: Progress) -> Sequence[Figure]:
 BARS = (
     Bar(
         "operators-table",
-        "What operators expect",
-        "Features that operators of QGroundControl, Mission Planner and MAVProxy know. For each of ours the journey that shows "
-        "it was run; of the others the cell names a file of their public source that has it (QGroundControl's repository; "
-        "Mission Planner at `a2fcd74d`; MAVProxy, below `MAVProxy/modules`, at `f76c4d3d`), found by reading, not by running "
-        "them. *Not verified* means that nothing was looked up: it does not mean that they lack it.",
+        "The features that operators know from other ground stations are there, each shown by a test",
+        "The features are those that operators of QGroundControl, Mission Planner and MAVProxy know. For each of ours "
+        "a test was run that shows it. For the other programs the cell names a file of their public source that has "
+        "it (QGroundControl's repository; Mission Planner at `a2fcd74d`; MAVProxy, below `MAVProxy/modules`, at "
+        "`f76c4d3d`), found by reading, not by running them. *Not verified* means that nothing was looked up: it does "
+        "not mean that they lack it.",
         run,
     ),
 )

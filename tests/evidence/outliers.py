@@ -70,13 +70,14 @@ def run(progress: Progress) -> Sequence[Figure]:
 BARS = (
     Bar(
         "outliers",
-        "Sources that are wrong now and then, for long, or together",
-        "Two odometers, a tracker and a height (and a laser, on the Pelican) fly for 35 s, 50 seeds a row. From the 9th second on "
-        "each report of a source is displaced by N(0, 1 m) along each axis with a probability, or a source is wrong for good, or "
-        "half of them or more are. A valid pose is never off by more than four of its standard deviations along an axis for more "
-        "than 0.3 s in any seed. Where most sources are right the pose is valid for 95 % of the time in the worst seed, its squared "
-        "error is what it claims (NEES by degrees of freedom), and its RMS error is no larger than that of a plain filter with the "
-        "same models, noise and a chi-square gate. Where most are wrong, what cannot be decided must be invalid or wide.",
+        "A valid pose stays within four standard deviations while sources are wrong",
+        "Two odometers, a tracker and a height (and a laser, on the Pelican) fly for 35 s, 50 seeds a row. From the "
+        "9th second on each report of a source is displaced by N(0, 1 m) along each axis with a given probability, or "
+        "a source is wrong for good, or half of the sources or more are. A valid pose is never off by more than four "
+        "of its standard deviations along an axis for more than 0.3 s in any seed. Where most sources are right, the "
+        "pose is valid for 95 % of the time in the worst seed, its squared error is what it claims (NEES by degrees "
+        "of freedom), and its RMS error is no larger than that of a plain filter with the same models, noise and a "
+        "chi-square gate. Where most are wrong, a pose that cannot be decided must be invalid or wide.",
         run,
         seeds="0 to 49",
     ),

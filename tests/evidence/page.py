@@ -112,9 +112,7 @@ def write(bar: Bar, figures: Sequence[Figure], of: str) -> bool:
         for figure in figures
     ]
     lines = [
-        f"# {bar.title}",
-        "",
-        bar.claim,
+        *_head(bar),
         "",
         f"- command: `make evidence NAME={bar.name}`",
         f"- commit: `{of}`",
@@ -133,12 +131,32 @@ def write(bar: Bar, figures: Sequence[Figure], of: str) -> bool:
     return is_met
 
 
+def _head(bar: Bar) -> list[str]:
+    """The first lines of a page."""
+    return [f"# {bar.title}", "", bar.claim]
+
+
+def retitle(bars: Sequence[Bar]) -> None:
+    """Gives the pages the titles and claims that their bars have now; their figures stay those of their commits."""
+    for bar in bars:
+        page = PAGES / f"{bar.name}.md"
+        if page.exists():
+            head = _head(bar)
+            page.write_text("\n".join([*head, *page.read_text().split("\n")[len(head) :]]))
+    write_index()
+
+
 def write_index() -> None:
-    """Writes the list of all pages, with their titles and results."""
+    """Writes the list of all pages."""
+    INDEX.write_text(index())
+
+
+def index() -> str:
+    """The list of all pages, with their titles and results."""
     rows = []
     for page in sorted(PAGES.glob("*.md")):
         if page != INDEX:
             title, *lines = page.read_text().splitlines()
             result = next(line.removeprefix(RESULT) for line in lines if line.startswith(RESULT))
             rows.append(f"| [{title.removeprefix('# ')}]({page.name}) | {result} |")
-    INDEX.write_text("\n".join(["# Evidence", "", ABOUT, "", "| page | result |", "| --- | --- |", *rows, ""]))
+    return "\n".join(["# Evidence", "", ABOUT, "", "| claim | result |", "| --- | --- |", *rows, ""])

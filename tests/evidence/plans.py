@@ -307,10 +307,10 @@ def _chosen(fit: dict[Path, Any]) -> list[Path]:
 BARS = (
     Bar(
         "plans",
-        "Plans that are not ours",
-        "Public files of ArduPilot's, PX4's, MAVProxy's and MAVSDK's repositories (in the folder that the variable "
-        "GLOC3_PLANS names) are read item by item as MAVSDK's importer and pymavlink read them, or refused with a line and "
-        "a reason; shown; and flown as they are by the embedded autopilot, under GLOC3's supervision.",
+        "Public plans of other projects are read as their own programs read them, and flown",
+        "Public files from the repositories of ArduPilot, PX4, MAVProxy and MAVSDK (in the folder that the variable "
+        "GLOC3_PLANS names) are read item by item as MAVSDK's importer and pymavlink read them, or refused with a "
+        "line and a reason. They are shown, and flown unchanged by the embedded autopilot under GLOC3's supervision.",
         plans,
     ),
 )

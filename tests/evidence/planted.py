@@ -201,11 +201,12 @@ def _tested(planted: PlantedMistake, tested: dict[str, Any]) -> Figure:
 BARS = (
     Bar(
         "planted",
-        "Planted mistakes that the search finds",
-        "Each of these mistakes is made alone in a copy of the tree. The tests that touch the module pass all the same: the folder "
-        f"of tests that mirrors its room, the files that import it, and flights that are named (`pytest -m '{MARKS}'`). `gloc3 "
-        "prove` does not know of the mistake, and finds a flight that it breaks, and that breaks nothing without it. The time is "
-        "the processor's, so that other work on the machine does not count: ten minutes on two cores are 1,200 s.",
+        "The search finds planted mistakes that the tests miss",
+        "Each of these mistakes is made alone in a copy of the tree. The tests that touch the module still pass: the "
+        f"folder of tests for its room, the files that import it, and flights that are named (`pytest -m '{MARKS}'`). "
+        "`gloc3 prove` does not know the mistake, and finds a flight that it breaks and that breaks nothing without "
+        "it. The time is the processor's, so that other work on the machine does not count: ten minutes on two cores "
+        "are 1,200 s.",
         judge,
         seeds="0",
     ),

@@ -179,11 +179,11 @@ def _alone(world: str, runs: list[dict[str, Any]]) -> Figure:
 BARS = (
     Bar(
         "pose",
-        "The pose of the whole stack, 60 m through the hold",
-        "The vehicle flies 60 m by the pose that is fused of all that its sensors tell: within 50 mm and 0.5° of the truth, "
-        "within 0.2 % of the way without the tracker, within 0.15 m where lamps, dust, blur, repeated plates and a bare wall "
-        "make it hard; it is never wrong without saying so, and as sure as it is right. ATE is laid over the truth by the "
-        "first tenth of the poses, without a change of scale.",
+        "Without satellites the vehicle flies 60 m through the hold with a pose error below 50 mm",
+        "The vehicle flies 60 m by the pose that is fused from its sensors. The pose is within 50 mm and 0.5° of the "
+        "truth, within 0.2 % of the path without the tracker, and within 0.15 m where lamps, dust, blur, repeated "
+        "plates and a bare wall make it hard. It is never wrong without reporting it, and its uncertainty matches its "
+        "errors. For the ATE, the first tenth of the poses aligns the path with the truth, without a change of scale.",
         run,
         seeds="0 to 9; 0 and 1 with the tracker unplugged",
     ),

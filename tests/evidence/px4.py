@@ -74,11 +74,12 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "px4",
-        "The real PX4",
-        "PX4 1.16 (development) with its own physics (SIH), a platform file that `gloc3 platform new` has made from it, and "
-        "the programs of a user: `gloc3 onboard` and `gloc3 station --headless`, in real time. Each row is a flight with a "
-        "PX4 of its own; its value is what an operator reads at the station. The last rows are flights on the physics and "
-        f"sensors of GLOC3 over PX4's simulator interface (the three processes on UDP port {PX4_COMPANION_PORT}).",
+        "The real PX4 flies missions, through pauses, pilots, restarts and losses",
+        "PX4 1.16 (development) runs with its own physics (SIH) and a platform file that `gloc3 platform new` made "
+        "from it, with the programs of a user: `gloc3 onboard` and `gloc3 station --headless`, in real time. Each row "
+        "is a flight with a separate PX4; its value is what an operator reads at the station. The last rows are "
+        "flights on the physics and sensors of GLOC3 over PX4's simulator interface (the three processes on UDP port "
+        f"{PX4_COMPANION_PORT}).",
         run,
     ),
 )

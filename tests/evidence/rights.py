@@ -53,11 +53,11 @@ def _names(members: tuple[str, ...]) -> str:
 BARS: Final = (
     Bar(
         "rights",
-        "Who may what, end to end",
-        "A vehicle is in flight, its onboard process connected to one router process, its stations to another below it. Each "
-        "member of the network tries each kind of request, with our own client and its own certificate. A request counts as "
-        "permitted if it is accepted, or refused for another reason than the right to it: a disarming that is not confirmed. "
-        "An observer's commands end at the first router, and have no answer.",
+        "Each role can do what it has the right to, and nothing else",
+        "A vehicle is in flight. Its onboard process is connected to one router process, its stations to another "
+        "below it. Each member of the network tries each kind of request, with our own client and its own "
+        "certificate. A request counts as permitted if it is accepted, or refused for a reason other than rights (a "
+        "disarming that is not confirmed). An observer's commands stop at the first router and get no answer.",
         rights,
     ),
 )

@@ -180,28 +180,28 @@ def hostile(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "router",
-        "The router beside others",
-        "The router needs at most a fifth of MAVProxy's processor time for a forwarded message, adds at most 1 ms to the delay at "
-        "p99, and loses nothing at 10,000 messages a second. All routers run on the same machine, in turn; each figure is the "
-        "median of the rounds.",
+        "The router needs at most a fifth of MAVProxy's processor time and loses nothing",
+        "The router needs at most a fifth of MAVProxy's processor time for a forwarded message, adds at most 1 ms to "
+        "the delay at p99, and loses nothing at 10,000 messages a second. All routers run on the same machine, in "
+        "turn; each figure is the median of the rounds.",
         beside_others,
     ),
     Bar(
         "radio",
-        "A radio that loses one frame in ten",
-        "Behind a 57,600 baud radio with 10 % loss both ways, while the autopilot tells several times more than the radio "
-        "carries, reports, commands, a mission and a plan all get their part; what is lost for good is given up when the "
-        "protocol says.",
+        "Reports, commands, missions and plans all pass a radio that loses one frame in ten",
+        "A 57,600 baud radio loses 10 % both ways while the autopilot sends several times more than the radio "
+        "carries. Reports, commands, a mission and a plan all get their share. What is lost for good is given up when "
+        "the protocol says so.",
         radio,
         seeds=f"0 to {RADIOS - 1}",
     ),
     Bar(
         "hostile-link",
-        "Somebody without the key",
-        "On a signed link unsigned, forged, repeated, late, future-dated and unknown frames, and a second station that takes "
-        "over in the name of the first, are refused and counted, and the true station is served on. Who has the key and a wrong "
-        "clock does not set ours, and nothing is taken once more after a restart. Invented systems in the thousands on an open "
-        "link find no room and keep nobody out. Nothing grows.",
+        "Frames from a sender without the key are refused, and the real station is still served",
+        "On a signed link, unsigned, forged, repeated, late, future-dated and unknown frames are refused and counted, "
+        "and so is a second station that takes over in the name of the first; the real station is still served. A "
+        "sender with the key and a wrong clock does not set ours, and no frame is accepted again after a restart. "
+        "Thousands of invented systems on an open link get no room and keep no other out. Memory does not grow.",
         hostile,
         seeds="1 to 7",
     ),

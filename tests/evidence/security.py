@@ -83,12 +83,13 @@ def security(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "network-security",
-        "Who may read and command over the network",
-        "An onboard process with a simulated vehicle is on a network of `gloc3 network`, and an operator commands it. Others open "
-        "links to it, without what would hold them back at their own end, ask for all topics and tokens, and take control and "
-        "command for 3 s: under their own name, under the operator's, and as if they were components of the platform. Each "
-        "command is known again by a rate of its own in the log of the vehicle. After each of them the operator commands, so that "
-        "what does not come through is known to be held back, not lost.",
+        "Over the network, only a valid certificate with the right role reads or commands",
+        "An onboard process with a simulated vehicle is on a network of `gloc3 network`, and an operator commands it. "
+        "Others open links to it, with clients that do not restrain themselves. They request all topics and tokens, "
+        "and try to take control and to command for 3 s: under their own name, under the operator's, and as "
+        "components of the platform. Each command carries a rate of its own, by which it is recognized in the log of "
+        "the vehicle. After each attempt the operator commands, which shows that missing commands were blocked, not "
+        "lost.",
         security,
     ),
 )

@@ -132,9 +132,9 @@ def _valid_pairs() -> int:
 BARS = (
     Bar(
         "sensors",
-        "Sensors",
-        "Samplers take their data from hardware, other processes and logs by configuration; calibrations that do not fit and "
-        "data that cannot be used are told with a reason, and samplers go on by themselves.",
+        "Samplers read sensors by configuration, and mark unusable data with a reason",
+        "Samplers get their data from hardware, other processes and logs by configuration. Calibrations that do not "
+        "fit and data that cannot be used are reported with a reason, and samplers recover on their own.",
         sensors,
         "hypothesis chooses, anew in every run",
     ),

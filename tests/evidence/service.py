@@ -149,9 +149,10 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "service",
-        "The onboard process as a service",
-        "The unit is taken by systemd as it is and well enclosed, and under a real systemd (in namespaces of its own) the "
-        "service is ready when its components are, is ended when one of them hangs, comes back, takes new settings, and ends.",
+        "The onboard process runs as a hardened systemd service that recovers from a hang",
+        "systemd accepts the unit without warnings and rates it as well confined. Under a real systemd (in namespaces "
+        "of its own) the service is ready when its components are, is stopped by the watchdog when one of them hangs, "
+        "starts again, takes new settings, and ends.",
         run,
     ),
 )

@@ -40,9 +40,9 @@ def shared_components(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "shared-components",
-        "How many components the platforms share",
-        "Each platform is a file that names the classes of its components. Counted are classes, not rows: a class that "
-        "serves three cameras counts once.",
+        "Platforms share at least two thirds of their component classes",
+        "Each platform is a file that names the classes of its components. The figures count classes, not rows: a "
+        "class that serves three cameras counts once.",
         shared_components,
     ),
 )

@@ -131,13 +131,14 @@ def _draw(curves: dict[str, list[list[Sample]]]) -> None:
 BARS = (
     Bar(
         "soak",
-        "A day of missions",
+        "A day of missions leaves memory, handles and threads level",
         "Every platform that flies by its autopilot's position flies, drives or dives one mission after another for "
-        f"{HOURS:g} h of virtual time, in {HOURS / SLICE_H:g} boots of {SLICE_H:g} h, the whole stack and its simulation in one process, "
-        "everything logged. In each mission something comes or goes: the station's link, the cable, the station itself, a pause, "
-        "another program's station that asks for everything, a component that crashes. Batteries are charged between missions; the "
-        "store of events is full from the begin. Memory, traced objects, handles and threads are fitted by a line after "
-        f"{WARM_H:g} h of each boot; the steepest counts.",
+        f"{HOURS:g} h of virtual time, in {HOURS / SLICE_H:g} boots of {SLICE_H:g} h. The whole stack and its "
+        "simulation run in one process, and everything is logged. Each mission has one disturbance: the station's "
+        "link, the cable, the station itself, a pause, another program's station that requests everything, or a "
+        "component that crashes. Batteries are charged between missions; the store of events is full from the start. "
+        f"A line is fitted to memory, traced objects, handles and threads after {WARM_H:g} h of each boot; the "
+        "steepest counts.",
         judge,
         seeds="0 to 3, one for each boot",
         pictures=(PICTURE,),

@@ -133,25 +133,25 @@ def _answers(platform: str, cells: Sequence[StaticCell]) -> list[Figure]:
 
 
 CLAIM: Final = (
-    "For every installed platform {which}, every mission template that it can fly (`gloc3 mission new`), every component and every "
-    "action, the files say who takes over, or which policy flies, if the component dies for good. The answers are flown: "
-    "the component fails in every cycle from one second after the action's begin, every invariant holds, and the mission "
-    "goes on where that was the answer. Actions of one capability share a flight, in the shortest of the missions, where "
-    "the answer for a component is the same; of the field of `mapping` one line is flown. `gloc3 prove MISSION --platform "
-    "PLATFORM --static --fly` does it for one."
+    "For every installed platform {which}, every mission template that it can fly (`gloc3 mission new`), every "
+    "component and every action, the files say who takes over, or which policy flies, if the component dies for good. "
+    "The answers are flown: the component fails in every cycle from one second after the start of the action, every "
+    "invariant holds, and the mission continues where that was the answer. Actions of one capability share a flight, "
+    "in the shortest of the missions, where the answer for a component is the same; of the field of `mapping` one "
+    "line is flown. `gloc3 prove MISSION --platform PLATFORM --static --fly` does it for one."
 )
 
 BARS = (
     Bar(
         "static-proof",
-        "What happens if a component dies",
+        "For every component that dies there is an answer, and it holds in flight",
         CLAIM.format(which="that knows its place without pictures"),
         judge,
         seeds="0",
     ),
     Bar(
         "static-proof-cameras",
-        "What happens if a component dies, with cameras",
+        "For every component that dies there is an answer, with cameras as well, and it holds in flight",
         CLAIM.format(which="that flies by what its cameras see"),
         judge_seeing,
         seeds="0",

@@ -58,23 +58,23 @@ def browser(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "trouble",
-        "Trouble, and what the station says",
-        "Whatever goes wrong around a station, it says what is the matter and what to do.",
+        "For each trouble the station says what is wrong and what to do",
+        "Each row causes one trouble around a station. The station says what is wrong and what to do.",
         problems,
     ),
     Bar(
         "web",
-        "The station in a browser",
-        "`gloc3 station --web`, the onboard process and the simulated vehicle run as three processes; in a headless Chromium "
-        "a mission is opened, started, held and landed by keys, and the page is loaded anew in flight, which the station "
-        "does not notice.",
+        "A browser flies a mission by keys, and may reload its page in flight",
+        "`gloc3 station --web`, the onboard process and the simulated vehicle run as three processes. In a headless "
+        "Chromium a mission is opened, started, held and landed by keys. The page is reloaded in flight, which does "
+        "not disturb the station.",
         browser,
     ),
     Bar(
         "terminal",
-        "The station in a real terminal",
-        "On a pty of 80×24 and under tmux, with three real processes: a mission with a mistake is opened, mended, saved, "
-        "streamed, started, paused, resumed and aborted by keys; the window is made too small, then 250×70.",
+        "The station works in a real terminal and in tmux",
+        "Three real processes run on a pty of 80×24 and under tmux. A mission with a mistake is opened, corrected, "
+        "saved, uploaded, started, paused, resumed and aborted by keys; the window is made too small, then 250×70.",
         suite(
             "terminal", ["tests/groundstation/tui/test_real_terminal_journey.py", "tests/groundstation/web/test_web.py"]
         ),

@@ -468,13 +468,14 @@ def _fresh(folder: Path) -> Path:
 BARS: Final = (
     Bar(
         name="store-and-forward",
-        title="Out of contact: twenty minutes below, and what is told at the surface",
-        claim="The AUV gets its mission at the surface, dives, and is out of contact for 20 minutes in virtual time (2 minutes "
-        "as real processes, whose link is cut): that is silence as planned, no fault. Below its Doppler log is lost for 30 s and "
-        "a component fails; with a current of 0.1 m/s it comes up away from the plan. A summary of at most 32 bytes comes by "
-        "sound once a minute. At contact the summary comes first, then all events once and in order; a mission that was queued "
-        "meanwhile is loaded; and the log is fetched over a link that drops five times for 12 s, compared by its digest, and "
-        "deleted onboard: of the real processes one over MAVLink FTP, and one over the network.",
+        title="After twenty minutes out of contact, every event and the log arrive once",
+        claim="The AUV gets its mission at the surface, dives, and is out of contact for 20 minutes in virtual time (2 "
+        "minutes as real processes, whose link is cut): this is planned silence, not a fault. Under water its Doppler "
+        "log is lost for 30 s and a component fails; a current of 0.1 m/s carries it away from the planned end. A "
+        "summary of at most 32 bytes arrives by sound once a minute. At contact the summary arrives first, then all "
+        "events once and in order; a mission that was queued meanwhile is loaded. The log is fetched over a link that "
+        "drops five times for 12 s, compared by its digest, and deleted onboard. The logs of the real processes "
+        "are fetched once over MAVLink FTP and once over the network.",
         run=run,
         seeds="1",
     ),

@@ -88,9 +88,9 @@ def durations(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "mavsdk",
-        "MAVSDK 4.1 as an unmodified client",
-        "MAVSDK connects over UDP, sees the simulated vehicle healthy and armable, arms it, takes off, goes to places, "
-        "flies an uploaded mission and lands; and it is told the right result where something is refused.",
+        "Unmodified MAVSDK 4.1 flies the simulated vehicle",
+        "MAVSDK connects over UDP, sees the simulated vehicle healthy and armable, arms it, takes off, goes to "
+        "positions, flies an uploaded mission and lands. Where something is refused, it gets the right result.",
         suite(
             "mavsdk",
             [
@@ -101,10 +101,10 @@ BARS = (
     ),
     Bar(
         "autopilot-cases",
-        "The embedded autopilot: every plugin of MAVSDK, and other people's cases",
-        "MAVSDK 4.1 does with the simulated vehicle what its plugins offer for a multirotor, in both styles, and is refused with "
-        "the right result where the firmware has nothing; the cases of MAVSDK's system tests, of PX4's integration tests and of "
-        "dronekit's scenarios that apply pass.",
+        "The embedded autopilot serves MAVSDK's plugins and passes the test cases of other projects",
+        "MAVSDK 4.1 does with the simulated vehicle what its plugins offer for a multirotor, in both styles, and is "
+        "refused with the right result where the real firmware has no such function. The applicable cases of MAVSDK's "
+        "system tests, of PX4's integration tests and of dronekit's scenarios pass.",
         suite(
             "autopilot-cases",
             [
@@ -124,21 +124,21 @@ BARS = (
     ),
     Bar(
         "policies",
-        "Policies, ownership of motion, and the human pilot, flown in both autopilot styles",
-        "Each policy row, each sentence about the owner of motion and about the pilot, hung and crashed components and "
+        "Failsafe policies, motion ownership and the pilot's priority hold in both autopilot styles",
+        "Each failsafe policy, each rule about motion ownership and about the pilot, hung and crashed components and "
         "the hot standby are flown once in each style of autopilot.",
         suite("policies", ["-n", "2", "tests/flight"]),
         seeds="as in the tests",
     ),
     Bar(
         "add-a-component",
-        "A component of an integrator's own package",
-        "`docs/add-a-component.md` is followed literally: its code becomes a package, and its test passes.",
+        "The page on adding a component works when it is followed literally",
+        "A test follows `docs/add-a-component.md` literally: its code becomes a package, and its test passes.",
         suite("add-a-component", ["tests/architecture"]),
     ),
     Bar(
         "suites",
-        "How long the tests take",
+        "All tests take less than 8 minutes on 2 cores",
         "The unit suite takes less than 10 s, all tests less than 8 minutes on 2 cores. (Wall time on a shared machine.)",
         durations,
     ),

@@ -259,11 +259,11 @@ def security(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "security",
-        "Threat model, sockets and attacks",
-        "Each command is started in a network namespace of its own, and the sockets that it listens on are read from `/proc/net`. Then "
-        "attacks run against the real sockets of an onboard process. The last rows are the threat model: who may try what, the "
-        "defence, the tests that fail without it, which are run for this page, and what is left. [docs/security.md](../security.md) "
-        "explains it.",
+        "Commands listen only where they say, and attacks on their sockets fail",
+        "Each command is started in a network namespace of its own, and the sockets that it listens on are read from "
+        "`/proc/net`. Then attacks run against the real sockets of an onboard process. The last rows are the threat "
+        "model: the attacker and the attempt, the defence, the tests that fail without it, which are run for this "
+        "page, and the remaining risk. [docs/security.md](../security.md) explains it.",
         security,
     ),
 )

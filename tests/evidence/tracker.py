@@ -110,9 +110,9 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "optical-follower",
-        "The optical follower",
-        "The lamp on the vehicle is placed through the tracker's camera with an honest covariance; its loss is told, it is "
-        "found again, and another light is never taken for it.",
+        "The optical follower locates the vehicle's lamp and takes no other light for it",
+        "The follower locates the lamp on the vehicle through the tracker's camera with an honest covariance. It "
+        "reports the loss of the lamp, finds it again, and never takes another light for it.",
         run,
         seeds="0 to 4",
     ),

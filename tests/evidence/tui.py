@@ -277,32 +277,33 @@ def preview(progress: Progress, seeds: int = RADIO_SEEDS) -> list[Figure]:
 BARS = (
     Bar(
         "screens",
-        "What the terminal looks like",
-        "Every screen and dialogue is drawn at 80×24, 120×40 and 200×60, in the dark and for daylight, once at 250×70, and "
-        "once with NO_COLOR. A program looks for text that is clipped or hard to read; the pictures are looked at.",
+        "Every screen and dialogue is readable and unclipped, from 80×24 to 250×70",
+        "Every screen and dialogue is drawn at 80×24, 120×40 and 200×60, dark and for daylight, once at 250×70, and "
+        "once with NO_COLOR. A program finds text that is clipped or hard to read; people look at the pictures.",
         screens,
         pictures=tuple(f"screens/{name}_{theme}.webp" for theme, name in KEPT),
     ),
     Bar(
         "journeys",
-        "An operator's journeys, by keys",
-        "Each is driven by keys from end to end. Those in a real terminal and in a browser have pages of their own.",
+        "Operators' journeys work from end to end by keys",
+        "Each journey is driven by keys from end to end. Those in a real terminal and in a browser have separate "
+        "pages.",
         journeys,
     ),
     Bar(
         "terminal-cost",
-        "What the terminal costs",
-        "The station runs on a pty of 120×40, hears vehicles over UDP and records. Keys are pressed and timed until what "
-        "they show has been read. (Wall time: on a quiet machine, as a program tells that computes for 10 ms and echoes a "
-        "key.)",
+        "The station answers a key within 50 ms while it follows 10 or 100 vehicles",
+        "The station runs on a pty of 120×40, receives vehicles over UDP and records. Keys are pressed and timed "
+        "until their result has been read. (Wall time, on a quiet machine: a program that computes for 10 ms and "
+        "echoes a key checks that it is quiet.)",
         terminal,
         seeds="as in the benchmark",
     ),
     Bar(
         "preview",
-        "Pictures over a radio, calibration, obstacles",
-        "Over a memory link of 57,600 baud with 300 ms latency a 64×48 preview arrives every 5 s at the latest while the "
-        "status of 20 components stays at 1 Hz and more.",
+        "A preview picture crosses a 57,600 baud radio every 5 s without delaying status",
+        "Over a memory link of 57,600 baud with 300 ms latency a 64×48 preview arrives at least every 5 s, while the "
+        "status of 20 components stays at 1 Hz or more.",
         preview,
         seeds=f"0 to {RADIO_SEEDS - 1}",
     ),

@@ -106,12 +106,13 @@ def _figures(name: str, runs: Sequence[dict[str, Any]], most: Most) -> list[Figu
 BARS = (
     Bar(
         "vehicle-accuracy",
-        "How well each vehicle keeps its way",
-        "One mission file, `survey`, is carried out by each vehicle with its own platform file, calm and rough; by the plane, which "
-        "turns too wide for it, `mapping`. By its own pose is what guidance and control leave; the true position has the error of the "
-        "pose in it, too: AUV and ROV dive from plain satellite fixes, whose slow error of 1.2 m north and east stays all the way, and so "
-        f"does the rover's in rough conditions. Less than {FIX_M:g} m of that are 999 of 1000. Straight is what lies more than 8 m along a leg "
-        "from both its ends (plane: 200 m); a miss is the nearest that the vehicle came to a waypoint. The pictures show the first seed in "
+        "Each vehicle stays within its bound of the path, in calm and rough conditions",
+        "Each vehicle carries out one mission file, `survey`, with its own platform file, calm and rough; the plane, "
+        "which turns too wide for it, flies `mapping`. *By its own pose* shows the error of guidance and control. The "
+        "true position includes the error of the pose: AUV and ROV dive from plain satellite fixes, whose slow error "
+        "of 1.2 m north and east stays for the whole path, and so does the rover's in rough conditions. 999 of 1000 "
+        f"such errors are below {FIX_M:g} m. The straight part of a leg is more than 8 m from both its ends (plane: "
+        "200 m). A miss is the smallest distance of the vehicle to a waypoint. The pictures show the first seed in "
         "rough conditions.",
         vehicle_accuracy,
         seeds="1 to 8",

@@ -106,14 +106,15 @@ def vehicles(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         PAGE,
-        "Real autopilots with vehicles of their own",
-        "ArduPilot's own programs (4.7 development) with ArduPilot's own physics, started as a user starts them, with nothing "
-        "of ours changed but the address of the link: `gloc3 onboard` and `gloc3 station --headless` fly, drive and dive a box "
-        "inside a fence while pictures are taken. The station is killed on the way; the mission goes on; another station takes "
-        "control, pauses it, sees the vehicle stand (or circle), resumes it, and it returns home and ends landed, standing or "
-        "at the surface, disarmed. All but the rover get their preset first (`gloc3 preset apply`). What has wings goes on from "
-        "its circle straight to the next waypoint: its path is judged behind that. The wind comes from the north, along the "
-        "planes' runway, and ArduPilot's simulation has it at every height.",
+        "ArduPilot's own programs and vehicles carry out missions unchanged",
+        "ArduPilot's own programs (4.7 development) with ArduPilot's own physics are started as a user starts them; "
+        "only the address of the link is changed. `gloc3 onboard` and `gloc3 station --headless` fly, drive and dive "
+        "a box inside a fence while pictures are taken. The station is killed on the way, and the mission continues. "
+        "Another station takes control, pauses the mission, sees the vehicle stand (or circle) and resumes it. The "
+        "vehicle returns home and ends landed, standing or at the surface, disarmed. All but the rover get their "
+        "preset first (`gloc3 preset apply`). Fixed wings continue from their circle straight to the next waypoint; "
+        "their path is judged after that. The wind comes from the north, along the planes' runway, and has the same "
+        "speed at every height.",
         vehicles,
     ),
 )

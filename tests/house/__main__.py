@@ -1,5 +1,7 @@
-"""`make docs`: writes the pages that are made from the code."""
+"""`make docs`: writes the pages that are made from the code, and the titles of those of evidence."""
 
+from tests.evidence.__main__ import BARS
+from tests.evidence.page import retitle
 from tests.house import notice, public_api, troubleshooting, walks, where
 
 where.PAGE.write_text(where.page(), encoding="utf-8")
@@ -7,3 +9,4 @@ walks.PAGE.write_text(walks.page(), encoding="utf-8")
 public_api.PAGE.write_text(public_api.page(), encoding="utf-8")
 troubleshooting.PAGE.write_text(troubleshooting.page(), encoding="utf-8")
 notice.FILE.write_text(notice.text(), encoding="utf-8")
+retitle(BARS)

@@ -29,7 +29,7 @@ from gloc3_onboard.process.storage import NoPictures
 from gloc3_onboard.process.taps import ExchangeTaps
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.viewer.catalogue import Catalogue
-from gloc3_sitl.flight.sim_devices import NoCamera
+from gloc3_sitl.flight.sim_devices import NoDevice
 
 T = TypeVar("T")
 PeerT_co = TypeVar("PeerT_co", covariant=True)
@@ -61,7 +61,7 @@ class VehicleStack(Generic[PeerT_co]):
             "autopilot": self.device,
             "computer": SimulatedComputer(clock, list),
             "rig": PlatformRig(self.platform, Path()),
-            "ground_camera": NoCamera(),
+            "ground_camera": NoDevice(),
             "memory": RecordMemory(MemoryRecords(), ""),
             "pictures": NoPictures(),
             "site": Site(self.platform, MemoryRecords(), MemoryRecords(), MemoryRecords()),

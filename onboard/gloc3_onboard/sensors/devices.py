@@ -82,6 +82,14 @@ class StampedFix(NamedTuple):
     fix: SatelliteFix
 
 
+class StampedReading(NamedTuple):
+    """A probe's reading with its time of validity."""
+
+    t_s: float
+    value: float
+    """In the probe's own unit."""
+
+
 Unwatch = Callable[[], None]
 """Ends a subscription to a device."""
 
@@ -203,6 +211,13 @@ class Dvl(SensorSource, Protocol):
 
     def bottom_velocity(self) -> StampedBottomVelocity | None:
         """The latest velocity over the floor; None before the first."""
+
+
+class Probe(SensorSource, Protocol):
+    """A sensor of one number: a gas, a temperature, a salinity."""
+
+    def reading(self) -> StampedReading | None:
+        """The latest reading; None before the first."""
 
 
 class Wheels(Protocol):

@@ -24,6 +24,7 @@ from gloc3_sitl.physics.water import rough
 from gloc3_sitl.physics.wind import CALM, Wind, gusty
 from gloc3_sitl.vehicles import MULTIROTORS
 from gloc3_sitl.vehicles.dvl_server import MOST_PORT, DvlAddress, DvlServer, exposure, read_dvl
+from gloc3_sitl.vehicles.line_server import field_server
 from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.vehicles.table import check_sea, style_of, vehicle_named
@@ -168,6 +169,9 @@ class SitlOptions:
     dvl: str | None = None
     """Address that serves a Doppler velocity log, as a50://HOST:PORT or pd6://HOST:PORT; the same URL is the source in
     `gloc3 onboard auv --device dvl=…`."""
+    fields: int | None = None
+    """TCP port on 127.0.0.1 that serves the world's fields, such as gases (0: any free one); the source of a device
+    co2_probe in `gloc3 onboard --device` is lines://127.0.0.1:PORT#co2."""
     out: Path | None = None
     """Folder for truth.mcap, the log of the vehicle's true motion."""
     firmware: str | None = None
@@ -231,6 +235,8 @@ def _check(options: SitlOptions) -> None:
         raise Refused("--seconds must be above 0")
     if options.sensors is not None and not 0 <= options.sensors <= MOST_PORT:
         raise Refused(f"--sensors must be a port from 0 to {MOST_PORT}")
+    if options.fields is not None and not 0 <= options.fields <= MOST_PORT:
+        raise Refused(f"--fields must be a port from 0 to {MOST_PORT}")
     if options.firmware_port is not None and not 0 <= options.firmware_port <= MOST_PORT:
         raise Refused(f"--firmware-port must be a port from 0 to {MOST_PORT}")
 
@@ -271,6 +277,7 @@ def _run_firmware(firmware: str, options: SitlOptions, world: World, air: Wind, 
         seconds=options.seconds,
         sensor_port=options.sensors,
         dvl=dvl,
+        field_port=options.fields,
         out=options.out,
     )
     return asyncio.run(run_firmware(run))
@@ -287,6 +294,7 @@ async def _run(
     endpoints: list[Endpoint] = []
     server = SensorServer(simulator, loop, options.seed) if options.sensors is not None else None
     dvl = DvlServer(simulator, loop, options.seed, dvl_at) if dvl_at is not None else None
+    fields = field_server(simulator, loop, options.seed, options.fields) if options.fields is not None else None
     truth = TruthLog(simulator, loop, options.out, options.vehicle) if options.out is not None else None
     try:
         for row in links:
@@ -305,6 +313,8 @@ async def _run(
             _narrate(f"Doppler velocity log {(await dvl.open()).url}")
             if dvl_at is not None and (warning := exposure(dvl_at)):
                 _narrate(warning, Severity.WARNING)
+        if fields is not None:
+            _narrate(f"fields {(await fields.open()).url}: {', '.join(simulator.world.file.fields)}")
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, options.speed)
         await _watch(simulator, endpoints, stopped, options.seconds)
@@ -314,6 +324,8 @@ async def _run(
             await server.close()
         if dvl is not None:
             await dvl.close()
+        if fields is not None:
+            await fields.close()
         if truth is not None:
             truth.close()
         for endpoint in endpoints:

@@ -47,6 +47,13 @@ class Bottom(NamedTuple):
     bottom: BottomVelocity
 
 
+class FaultyReading(NamedTuple):
+    """A probe's value with its time, as its sampler reads it."""
+
+    t_s: float
+    value: float
+
+
 class DeviceFault(NamedTuple):
     """A fault of a device."""
 
@@ -56,7 +63,7 @@ class DeviceFault(NamedTuple):
     """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
 
 
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading)
 
 ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
 """In this order: no data; repeated data with new times; late data; late data with new times; measured motion too long
@@ -111,6 +118,9 @@ def is_stuck(fault: DeviceFault | None) -> bool:
 
 def corrupted(used: T, fault: DeviceFault | None) -> T:
     """Returns the data as the fault corrupts it."""
+    if isinstance(used, FaultyReading):
+        factor = 1.0 + size_of(fault) if fault is not None and fault.word == "scaled" else 1.0
+        return used._replace(value=used.value * factor)
     if isinstance(used, Bottom):
         return used._replace(bottom=_corrupted_bottom(used.bottom, fault))
     if fault is None or (fault.word in ALL and not (isinstance(used, FaultyScan) and fault.word == "scaled")):

@@ -15,7 +15,7 @@ from gloc3_sitl.faults.operator_faults import OPERATOR
 from gloc3_sitl.faults.topic_faults import TOPIC_WORDS, check_topic, corrupt_topic
 from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
 from gloc3_sitl.flight.flight import Flight
-from gloc3_sitl.flight.sim_devices import NoCamera, SimDvl, SimLaser
+from gloc3_sitl.flight.sim_devices import NoDevice, SimDvl, SimLaser, SimProbe
 from gloc3_sitl.flight.sim_imu import IMU, SimImu
 from gloc3_sitl.flight.sim_rig import SimDevice
 from gloc3_sitl.physics.wind import gusty
@@ -201,7 +201,7 @@ _DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *LASER, *_LIGHTS)))
 def devices_of(flight: Flight) -> dict[str, SimDevice | SimImu]:
     """What there is in the flight's world."""
     devices: dict[str, SimDevice | SimImu] = {"imu": flight.process.imu, **flight.rig.devices}
-    return {name: device for name, device in devices.items() if not isinstance(device, NoCamera)}
+    return {name: device for name, device in devices.items() if not isinstance(device, NoDevice)}
 
 
 def words_of(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
@@ -210,7 +210,7 @@ def words_of(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
         return IMU
     if isinstance(device, SimLaser):
         return (*ALL, *LASER)
-    if isinstance(device, SimDvl):
+    if isinstance(device, SimDvl | SimProbe):
         return ALL
     return (*ALL, *CAMERA, *(_LIGHTS if name == "tracker_camera" else ()))
 
@@ -228,13 +228,13 @@ def _corrupt_device(flight: Flight, given: Parsed, _: bool) -> Ended:
     tracker, device = flight.rig.tracker, devices_of(flight)[given.target]
     if given.word in _LIGHTS and tracker is not None:
         tracker.is_lit, tracker.has_twin = given.word != "dark", given.word == "twin"
-    elif not isinstance(device, NoCamera):
+    elif not isinstance(device, NoDevice):
         device.fault = DeviceFault(given.word, given.size)
 
     def end() -> None:
         if given.word in _LIGHTS and tracker is not None:
             tracker.is_lit, tracker.has_twin = True, False
-        elif not isinstance(device, NoCamera):
+        elif not isinstance(device, NoDevice):
             device.fault = None
 
     return end
@@ -293,7 +293,7 @@ EFFECTS: Final[Mapping[str, Effect]] = {
     "device": Effect(
         FaultForm(
             text="device:NAME=WORD[/SIZE]",
-            does=f"camera, scanner, imu; WORD: {', '.join(_DEVICE_WORDS)}; sizes: late, old in s, scaled as a share, step in m",
+            does=f"camera, scanner, imu, probe; WORD: {', '.join(_DEVICE_WORDS)}; sizes: late, old in s, scaled as a share, step in m",
             has_target=True,
             words=_DEVICE_WORDS,
             size_of=tuple(SIZES),

@@ -23,6 +23,7 @@ from gloc3_sitl.firmware.program import FirmwareProcess, find_binary
 from gloc3_sitl.firmware.px4 import Px4Bridge
 from gloc3_sitl.flight.truth_log import TruthLog
 from gloc3_sitl.vehicles.dvl_server import DvlAddress, DvlServer, exposure
+from gloc3_sitl.vehicles.line_server import field_server
 from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.world import World
 
@@ -53,6 +54,7 @@ class FirmwareOptions(msgspec.Struct, frozen=True, kw_only=True):
     seconds: float | None = None
     sensor_port: int | None = None
     dvl: DvlAddress | None = None
+    field_port: int | None = None
     out: Path | None = None
 
 
@@ -92,6 +94,10 @@ async def run_firmware(options: FirmwareOptions) -> int:
             _narrate(f"Doppler velocity log {(await dvl.open()).url}")
             if warning := exposure(options.dvl):
                 _narrate(warning, Severity.WARNING)
+        if options.field_port is not None:
+            fields = field_server(body, loop, options.body.seed, options.field_port)
+            stack.push_async_callback(fields.close)
+            _narrate(f"fields {(await fields.open()).url}: {', '.join(options.world.file.fields)}")
         if options.out is not None:
             truth = TruthLog(body, loop, options.out, vehicle)
             stack.callback(truth.close)

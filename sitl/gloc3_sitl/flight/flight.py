@@ -42,7 +42,7 @@ from gloc3_sitl.flight.log import FlightRecording
 from gloc3_sitl.flight.mission_file import is_without_satellites, place_for
 from gloc3_sitl.flight.onboard_process import FlightProcess
 from gloc3_sitl.flight.plan import FlightPlan
-from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
+from gloc3_sitl.flight.sim_rig import PROBE, SIM_DEVICES, SimRig
 from gloc3_sitl.flight.truth import FlightTruth
 from gloc3_sitl.physics.water import rough
 from gloc3_sitl.physics.wind import CALM
@@ -51,8 +51,8 @@ from gloc3_sitl.vehicles.table import style_of, vehicle_named, vehicle_of
 from gloc3_sitl.world import World
 
 WEST_DEG: Final = 270.0
-DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu")
-"""What the onboard process of a flight has."""
+DEVICES: Final = (*HOST_DEVICES, *SIM_DEVICES, "imu", f"*{PROBE}")
+"""What the onboard process of a flight has, as patterns."""
 
 
 class SettableClock(Clock):

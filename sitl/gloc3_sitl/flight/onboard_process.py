@@ -27,9 +27,9 @@ from gloc3_onboard.sensors.sources.autopilot import AutopilotImu
 from gloc3_sitl.flight.log import FlightRecording
 from gloc3_sitl.flight.mission_file import faces_down, recordable_cameras
 from gloc3_sitl.flight.plan import FlightPlan
-from gloc3_sitl.flight.sim_devices import NoCamera
+from gloc3_sitl.flight.sim_devices import NoDevice
 from gloc3_sitl.flight.sim_imu import SimImu
-from gloc3_sitl.flight.sim_rig import SimRig
+from gloc3_sitl.flight.sim_rig import PROBE, SimRig
 
 AUTOPILOT_CABLE: Final = Conditions(latency_s=0.002)
 AUTOPILOT_URL: Final = "udpin://127.0.0.1:14540"
@@ -241,14 +241,18 @@ class FlightProcess:
         self._open(radio.b, self.vehicle.attach_station(url, budget))
 
     def _sensors(self) -> Sensors:
-        """The simulated sensors; a downward camera that no action needs renders nothing."""
-        ground = {} if self._looks_down else {"ground_camera": NoCamera()}
-        devices: Mapping[str, Any] = {**self._rig.devices, **ground, "imu": self.imu}
+        """The simulated sensors; a downward camera that no action needs renders nothing.
+
+        A probe of what is no field of this world is not plugged in.
+        """
+        ground = {} if self._looks_down else {"ground_camera": NoDevice()}
         used = {device for row in self._platform.components for device in row.devices.values()}
+        probes = {name: NoDevice() for name in sorted(used) if name.endswith(PROBE)}
+        devices: Mapping[str, Any] = {**probes, **self._rig.devices, **ground, "imu": self.imu}
         if not self._looks_down:
             used.discard("ground_camera")
         urls = {
-            name: NOWHERE if isinstance(device, NoCamera) else SIMULATED
+            name: NOWHERE if isinstance(device, NoDevice) else SIMULATED
             for name, device in devices.items()
             if name in used
         }

@@ -1,4 +1,4 @@
-"""The world's cameras and laser scanner as devices of the onboard process, in one process with the simulator."""
+"""The world's cameras, scanners and probes as devices of the onboard process, in one process with the simulator."""
 
 from asyncio import AbstractEventLoop, TimerHandle
 from collections import deque
@@ -10,6 +10,7 @@ from gloc3_sitl.faults.device_faults import (
     Bottom,
     DeviceFault,
     FaultyFrame,
+    FaultyReading,
     FaultyScan,
     PairExposure,
     corrupted,
@@ -22,11 +23,12 @@ from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl import DvlModel
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import SimulatedCamera
+from gloc3_sitl.world.field_probe import FieldProbe
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading)
 
 _KEPT: Final = 64
 """How many instants a trigger remembers, for devices that are late."""
@@ -199,8 +201,27 @@ class SimDvl(_Device[Bottom]):
         return Bottom(truth.t_s, self.model.measure(truth))
 
 
-class NoCamera:
-    """A camera that is not plugged in."""
+class SimProbe(_Device[FaultyReading]):
+    """A probe of a field of the world."""
+
+    def __init__(self, world: World, field: str, trigger: CaptureTrigger, seed: int) -> None:
+        super().__init__(trigger)
+        self._probe = FieldProbe(world, field, seed)
+
+    def reading(self) -> FaultyReading | None:
+        """The latest reading; None before the first."""
+        return self._newest()
+
+    def _capture(self, truth: Truth) -> FaultyReading:
+        return FaultyReading(truth.t_s, self._probe.measure(truth))
+
+    def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+        """Readings of a scaled probe are too high; its position is right."""
+        return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
+
+
+class NoDevice:
+    """A camera or a probe that is not plugged in."""
 
     def open(self) -> None:
         """Nothing happens."""
@@ -214,6 +235,10 @@ class NoCamera:
 
     def frame(self) -> None:
         """There is never a frame."""
+        return
+
+    def reading(self) -> None:
+        """There is never a reading."""
         return
 
 

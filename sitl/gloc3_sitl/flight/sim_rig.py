@@ -5,17 +5,27 @@ from collections.abc import Callable, Collection
 from typing import Final
 
 from gloc3.camera.model import CameraModel
-from gloc3_sitl.flight.sim_devices import CaptureTrigger, NoCamera, SimCamera, SimDvl, SimLaser, SimStereoCamera
+from gloc3_sitl.flight.sim_devices import (
+    CaptureTrigger,
+    NoDevice,
+    SimCamera,
+    SimDvl,
+    SimLaser,
+    SimProbe,
+    SimStereoCamera,
+)
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl import RATE_HZ
-from gloc3_sitl.world import World, rig
+from gloc3_sitl.world import World, field_probe, rig
 from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.tracker import TrackerCamera
 
 SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser", "dvl")
-"""Names of the devices, as platforms call them."""
+"""Names of the devices that every vehicle has, as platforms call them."""
+PROBE: Final = "_probe"
+"""End of the names of probes: `co2_probe` measures the field `co2` of the world."""
 
-SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | NoCamera
+SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | SimProbe | NoDevice
 
 
 class SimRig:
@@ -42,11 +52,13 @@ class SimRig:
         self.devices: Final[dict[str, SimDevice]] = {
             "ground_camera": SimCamera(ground, trigger(rig.GROUND_IMAGER.rate_hz)),
             "stereo_camera": SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz)),
-            "tracker_camera": NoCamera(),
+            "tracker_camera": NoDevice(),
             "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
             "dvl": SimDvl(trigger(RATE_HZ), seed),
         }
-        """By name, all of `SIM_DEVICES`."""
+        """By name, all of `SIM_DEVICES`, and a probe for each field of the world."""
+        for field in world.file.fields:
+            self.devices[field + PROBE] = SimProbe(world, field, trigger(field_probe.RATE_HZ), seed)
         if self.tracker is not None:
             self.devices["tracker_camera"] = SimCamera(self.tracker, trigger(rig.TRACKER_IMAGER.rate_hz))
 

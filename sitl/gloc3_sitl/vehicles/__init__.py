@@ -21,6 +21,7 @@ __all__ = [
     "fixed_wing_model",
     "ground_model",
     "lift_rotor_model",
+    "line_server",
     "scene",
     "sensor_server",
     "simulator",

@@ -4,22 +4,20 @@ import asyncio
 import re
 from collections.abc import Callable, Mapping
 from math import cos
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 import msgspec
 
 from gloc3.errors import Refused, nearest
 from gloc3.mavlink.transport.endpoints import parse_url
 from gloc3.messages.perception import BottomVelocity
+from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl import BEAM_RAD, RATE_HZ, DvlModel
+from gloc3_sitl.vehicles.line_server import LineServer, ServerAddress
 from gloc3_sitl.vehicles.scene import Scene
 
-MOST_CLIENTS: Final = 8
 MOST_PORT: Final = 65535
 EXAMPLE: Final = "a50://127.0.0.1:16171"
-_BACKLOG_BYTES: Final = 16_384
-"""A client that is so far behind misses lines."""
-_POLL_PERIOD_S: Final = 0.01
 
 
 class DvlAddress(NamedTuple):
@@ -52,7 +50,7 @@ def exposure(address: DvlAddress) -> str:
     return f"{address.wire}://{address.host}:{address.port} is open to the network: anyone who reaches it can read it"
 
 
-class DvlServer:
+class DvlServer(LineServer):
     """Sends the velocity over the floor to every client at the device's rate.
 
     Args:
@@ -63,63 +61,12 @@ class DvlServer:
     """
 
     def __init__(self, scene: Scene, loop: asyncio.AbstractEventLoop, seed: int, address: DvlAddress) -> None:
-        self._scene, self._loop, self._address = scene, loop, address
-        self._model = DvlModel(seed)
-        self._encode = WIRES[address.wire]
-        self._slot = -1
-        self._clients: set[asyncio.StreamWriter] = set()
-        self._server: asyncio.Server | None = None
-        self._timer: asyncio.TimerHandle | None = None
+        model, encode = DvlModel(seed), WIRES[address.wire]
 
-    @property
-    def url(self) -> str:
-        """URL of the source that reads it."""
-        assert self._server is not None
-        return f"{self._address.wire}://{self._address.host}:{self._server.sockets[0].getsockname()[1]}"
+        def lines(truth: Truth) -> bytes:
+            return encode(model.measure(truth), truth.t_s)
 
-    async def open(self) -> Self:
-        """Listens.
-
-        Raises:
-            Refused: the address cannot be had.
-        """
-        _, host, port = self._address
-        try:
-            self._server = await asyncio.start_server(self._connected, host, port)
-        except OSError as error:
-            raise Refused(f"--dvl {host}:{port}: {error.strerror}") from error
-        self._tick()
-        return self
-
-    async def close(self) -> None:
-        """Stops serving."""
-        if self._timer is not None:
-            self._timer.cancel()
-        for client in self._clients:
-            client.close()
-        if self._server is not None:
-            self._server.close()
-
-    async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Accepts a client and ignores its input."""
-        del reader
-        if len(self._clients) >= MOST_CLIENTS:
-            writer.close()
-        else:
-            self._clients.add(writer)
-
-    def _tick(self) -> None:
-        self._timer = self._loop.call_later(_POLL_PERIOD_S, self._tick)
-        slot = int(self._scene.now_s * RATE_HZ + 1e-6)
-        if slot == self._slot:
-            return
-        self._slot = slot
-        truth = self._scene.truth()
-        text = self._encode(self._model.measure(truth), truth.t_s)
-        self._clients = {client for client in self._clients if not client.is_closing()}
-        for client in self._clients:
-            if client.transport.get_write_buffer_size() < _BACKLOG_BYTES:
-                client.write(text)
+        super().__init__(scene, loop, RATE_HZ, lines, ServerAddress("--dvl", address.wire, address.host, address.port))
 
 
 UNLOCKED_FOM: Final = 2.0

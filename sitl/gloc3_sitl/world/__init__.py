@@ -5,4 +5,16 @@
 
 from gloc3_sitl.world.world import World
 
-__all__ = ["World", "camera", "geometry", "imager", "laser", "placing", "probe", "rig", "tracker", "world"]
+__all__ = [
+    "World",
+    "camera",
+    "field_probe",
+    "geometry",
+    "imager",
+    "laser",
+    "placing",
+    "probe",
+    "rig",
+    "tracker",
+    "world",
+]

@@ -187,6 +187,45 @@ class Marker(_Row, frozen=True, kw_only=True):
     """Side of the black square; a white border of a sixth of it goes round."""
 
 
+Amount = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
+
+
+class FieldSource(_Row, frozen=True, kw_only=True):
+    """A place around which a field differs from its background: most at the place, half as much at a radius."""
+
+    position_m: Vector3
+    """Its centre, as `[x, y, height]`."""
+    peak: Amount
+    """Added to the background at the centre; less than 0 lowers it."""
+    radius_m: Positive
+    """Horizontal distance at which half of the peak is left."""
+    height_m: Positive | None = None
+    """Vertical distance at which half of the peak is left; by default the radius."""
+
+    def excess_at(self, position_m: Vector3) -> float:
+        """What it adds at `[x, y, height]`: a Gaussian bell."""
+        dx, dy, dz = (here - there for here, there in zip(position_m, self.position_m, strict=True))
+        spread = (dx * dx + dy * dy) / self.radius_m**2 + (dz / (self.height_m or self.radius_m)) ** 2
+        return float(self.peak * 2.0**-spread)
+
+
+class ScalarField(_Row, frozen=True, kw_only=True):
+    """A quantity with a value at every place, such as a gas or a temperature, and how well a probe measures it."""
+
+    unit: Annotated[str, msgspec.Meta(pattern=r"^\S{1,16}$")]
+    """Its unit, such as `ppm`; without spaces."""
+    background: Amount = 0.0
+    """The value far from all sources."""
+    noise: Annotated[float, msgspec.Meta(ge=0.0, le=1e9)] = 0.0
+    """Standard deviation of a probe's readings, in the unit."""
+    sources: dict[Name, FieldSource] = {}
+    """Places where it is stronger or weaker, by name; they add up."""
+
+    def value_at(self, position_m: Vector3) -> float:
+        """Its true value at `[x, y, height]`."""
+        return self.background + sum(source.excess_at(position_m) for source in self.sources.values())
+
+
 class WorldFile(_Row, frozen=True, kw_only=True):
     """The whole file."""
 
@@ -208,6 +247,8 @@ class WorldFile(_Row, frozen=True, kw_only=True):
     """Boxes by name."""
     lights: dict[Name, BrightSpot] = {}
     """Bright spots by name."""
+    fields: dict[Name, ScalarField] = {}
+    """Gases, temperatures and the like by name; `co2` is what the device `co2_probe` measures."""
     tracker: Tracker | None = None
     marker: Marker | None = None
     water: Water = STILL
@@ -233,6 +274,8 @@ class VariantFile(_Row, frozen=True, kw_only=True):
     """Boxes, likewise."""
     lights: dict[Name, BrightSpot] = {}
     """Bright spots, likewise."""
+    fields: dict[Name, ScalarField] = {}
+    """Fields, likewise."""
     tracker: Tracker | None = None
     water: Water | None = None
 
@@ -247,5 +290,6 @@ class VariantFile(_Row, frozen=True, kw_only=True):
             surfaces={**base.surfaces, **self.surfaces},
             boxes={**base.boxes, **self.boxes},
             lights={**base.lights, **self.lights},
+            fields={**base.fields, **self.fields},
             **{name: value for name, value in plain.items() if value is not None},
         )

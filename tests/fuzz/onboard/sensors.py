@@ -11,10 +11,11 @@ from gloc3_onboard.calibration.reader import read_calibration
 from gloc3_onboard.sensors.registry import parse_source, source_kinds
 from gloc3_onboard.sensors.sources.doppler import A50Decoder, Pd6Decoder
 from gloc3_onboard.sensors.sources.laser import mounted_scan
+from gloc3_onboard.sensors.sources.probe import LineDecoder
 from gloc3_onboard.sensors.sources.rplidar import scan_of
 from gloc3_onboard.sensors.sources.scip import ScipError, ScipReader, measure, parameters_of, turn_of
 
-DEVICES: Final = ("ground_camera", "laser", "imu", "stereo_camera", "dvl", "height", "x")
+DEVICES: Final = ("ground_camera", "laser", "imu", "stereo_camera", "dvl", "height", "co2_probe", "x")
 SCHEMES: Final = tuple(sorted(source_kinds()))
 
 
@@ -44,6 +45,15 @@ def doppler_log(data: bytes) -> None:
                 assert isfinite(velocity.altitude_m)
                 assert velocity.altitude_m >= 0.0
                 assert report.stamp_us is None or report.stamp_us > 0
+
+
+@fuzz_target("gloc3_onboard.sensors.sources.probe")
+def probe_line(data: bytes) -> None:
+    """Lines of a probe, with and without a name before the value, are finite numbers, or are counted as unread."""
+    for decoder in (LineDecoder("co2"), LineDecoder("")):
+        for piece in pieces(data, 53):
+            assert all(map(isfinite, decoder.receive(piece)))
+        assert decoder.unread <= data.count(b"\n")
 
 
 @fuzz_target("gloc3_onboard.sensors.sources.rplidar", "gloc3_onboard.sensors.sources.laser")

@@ -36,6 +36,7 @@ DEVICE_OF = {
     "imu": "imu",
     "height": "sonar_height",
     "dvl": "dvl",
+    "probe": "co2_probe",
 }
 
 

@@ -1,14 +1,16 @@
-"""The world's cameras and scanner as devices: their rates, their common exposure, their cost while nobody looks."""
+"""The world's cameras, scanner and probes as devices: their rates, their common exposure, their cost while nobody looks."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gloc3.clock import run_virtual
-from gloc3_sitl.flight.sim_devices import SimCamera, SimDvl, SimLaser, SimStereoCamera
+from gloc3_sitl.faults.device_faults import DeviceFault
+from gloc3_sitl.flight.sim_devices import SimCamera, SimDvl, SimLaser, SimProbe, SimStereoCamera
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
@@ -162,7 +164,44 @@ def test_a_world_without_a_tracker_has_none() -> None:
         assert sims.tracker is None
         device.open()
         await asyncio.sleep(0.2)
-        assert not isinstance(device, SimStereoCamera | SimLaser | SimDvl)
+        assert not isinstance(device, SimStereoCamera | SimLaser | SimDvl | SimProbe)
         assert device.frame() is None
 
     run(test, world="open")
+
+
+def test_each_field_of_a_world_has_a_probe_which_can_fail(tmp_path: Path) -> None:
+    field = "{unit: ppm, background: 400, noise: 2}"
+    (tmp_path / "leaky.yaml").write_text(f"world: leaky\nbased_on: hold\nfields: {{co2: {field}}}\n")
+
+    async def test(sims: SimRig, simulator: Simulator) -> None:
+        assert tuple(sims.devices) == (*SIM_DEVICES, "co2_probe")
+        probe = sims.devices["co2_probe"]
+        assert isinstance(probe, SimProbe)
+        reports: list[float] = []
+
+        def read() -> None:
+            reading = probe.reading()
+            assert reading is not None
+            reports.append(reading.value)
+
+        probe.on_new_data(read)
+        probe.open()
+        await asyncio.sleep(1.05)
+        assert len(reports) == 5, "at 5 Hz"
+        assert len(set(reports)) == 5
+        assert reports == pytest.approx([400.0] * 5, abs=10.0)
+        for fault, least, most in ((DeviceFault("scaled", 0.5), 590.0, 610.0), (DeviceFault("step"), 390.0, 410.0)):
+            probe.fault = fault
+            await asyncio.sleep(0.2)
+            assert least < reports[-1] < most
+        probe.fault = DeviceFault("stuck")
+        await asyncio.sleep(0.4)
+        assert reports[-1] == reports[-2] == reports[-3]
+        probe.fault = DeviceFault("lost")
+        count = len(reports)
+        await asyncio.sleep(1.0)
+        assert len(reports) == count
+        probe.close()
+
+    run(test, world=str(tmp_path / "leaky.yaml"))

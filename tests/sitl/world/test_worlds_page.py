@@ -22,6 +22,7 @@ def test_the_example_can_be_flown_in(tmp_path: Path) -> None:
     assert world.height_at(3.5, 1.5) == 1.2
     assert world.geometry.clearance_m((2.0, 1.5, 0.5), 0.0) == pytest.approx(0.5)
     assert (world.file.tracker is not None, len(world.file.lights), len(world.file.lighting.lamps)) == (True, 1, 1)
+    assert world.file.fields["co2"].value_at((2.0, 4.0, 1.0)) == pytest.approx(4420.0)
 
 
 def test_its_tables_name_every_world_and_device() -> None:

@@ -113,7 +113,7 @@ THREATS = (
             "tests/common/network/test_who_may_what.py::test_without_a_certificate_that_counts_nothing_is_read_or_commanded",
             "tests/common/network/test_stations_on_the_network.py::test_requests_that_are_not_what_they_say_are_counted_told_and_not_carried_out",
         ),
-        "who has `authority.key` makes members; a revoked one counts until the others have the new file",
+        "who has `authority.key` makes members; a revoked one counts until the others have the new list",
     ),
     Threat(
         "network",

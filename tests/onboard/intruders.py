@@ -352,7 +352,7 @@ async def intrude(folder: Path) -> Found:
             attempts.append(
                 await at.attempt(f"{who}, good", "carol", carol.node(), carol.settings(), ("request/carol",))
             )
-            register.revoke(yard.folder, "carol")
+            register.revoke(yard.folder, "carol", datetime.now(UTC))
             await at.renew()
             attempts.append(
                 await at.attempt(f"{who}, revoked", "carol", carol.node(), carol.settings(), keys_of("carol"))

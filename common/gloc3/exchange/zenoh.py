@@ -119,6 +119,7 @@ class ZenohExchange:
         self._losses: dict[str, str] = {}
         """By topic: the losses that are not reported yet."""
         self._is_open = True
+        self._is_over = False
 
     # --- the exchange ---
 
@@ -210,7 +211,7 @@ class ZenohExchange:
 
     def close(self) -> None:
         """Stops sending and receiving; queued messages are still sent."""
-        self._is_open = False
+        self._is_open, self._is_over = False, True
         self._arrivals.close()
         self._close_large()
         self._means.sender.close()
@@ -239,9 +240,14 @@ class ZenohExchange:
 
         def change() -> zenoh.Session:
             _end_session(self._session, outlets)
-            return new_session(node, settings)
+            session = new_session(node, settings)
+            if self._is_over:
+                session.close()  # type: ignore[no-untyped-call]
+            return session
 
         self._session = await self._loop.run_in_executor(None, change)
+        if self._is_over:
+            return
         near = NearServer(self._loop) if self._means.near is not None else None
         self._means = self._means._replace(session=self._session, near=near)
         self._large = LargeInlet(self._means, self._receive_bytes, self._count)

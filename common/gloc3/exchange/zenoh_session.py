@@ -7,8 +7,7 @@ messages twice.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from hashlib import blake2s
 from pathlib import Path
 from threading import Event
@@ -122,28 +121,19 @@ def new_session(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) ->
         pause.wait(TRY_S)
 
 
-@contextmanager
-def forwarding(
-    node: ZenohEndpoints, settings: Mapping[str, Any], changed: Callable[[str, bool], None] = lambda *_: None
-) -> Iterator[None]:
-    """A node that only forwards, for the duration of the block.
+def watch_links(session: zenoh.Session, changed: Callable[[str, bool], None]) -> None:
+    """Reports the nodes that connect to a session, and leave.
 
     Args:
-        node: its endpoints.
-        settings: more of Zenoh's settings, by their paths.
+        session: an open session.
         changed: called in a thread of Zenoh's with the certificate's name, or else the address, of a node that has
             connected (True) or left (False).
-
-    Raises:
-        Gloc3Error: an endpoint is in use or invalid.
     """
 
     def report(event: zenoh.LinkEvent) -> None:
         changed(event.link.auth_identifier or str(event.link.dst), event.kind == zenoh.SampleKind.PUT)
 
-    with new_session(node, settings) as session:
-        session.info.declare_link_events_listener(report, history=True)
-        yield
+    session.info.declare_link_events_listener(report, history=True)
 
 
 def plain(error: zenoh.ZError) -> str:

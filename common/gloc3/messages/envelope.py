@@ -176,3 +176,12 @@ class SignedMessage(Message, frozen=True):
     """Of the command interface server that it is for; 0 where its sender has not heard it."""
     utc_s: float = 0.0
     """When it was signed, by its sender's clock."""
+
+
+class Revocations(Message, frozen=True):
+    """The newest list of revoked members that a member of a network has."""
+
+    number: int
+    """Of the list; 0 for none."""
+    data: bytes = b""
+    """The list, signed by the network's authority: X.509 CRL, DER."""

@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.messages.command_interface import CiReply, CiRequest, LogChunk
-from gloc3.messages.envelope import SignedMessage
+from gloc3.messages.envelope import Revocations, SignedMessage
 from gloc3.messages.hosts import ClockAnswer, ClockQuestion, HostNames, HostPresence, HostStatus, HostSummary
 from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.neighbours import Neighbours, SeparationState
@@ -130,6 +130,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "ci/host_names": TopicRow(HostNames, is_logged=False),
     "hosts/*/clock": TopicRow(ClockQuestion, is_logged=False, service=TopicService.CONTROL),
     "hosts/*/clock_answer": TopicRow(ClockAnswer, is_logged=False, service=TopicService.CONTROL),
+    # the members of a network, towards each other; `members` is in place of the platform
+    "*/revocations": TopicRow(Revocations, is_logged=False, is_inner=True, most_hz=5.0),
     # the viewer, towards the stations that look
     "watch/sample/**": TopicRow(Sample, is_logged=False, service=TopicService.BULK),
     "watch/large/**": TopicRow(Sample, is_logged=False, service=TopicService.BULK),

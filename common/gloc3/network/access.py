@@ -66,6 +66,8 @@ SEEN_BY_PLATFORMS: Final = ("ci/summary", "ci/mission", "ci/control")
 REQUESTED: Final = ("ci/request/*", "ci/ask/*", "demand/*")
 """What stations say to a platform, below its name, each on a key of its own."""
 STATIONS: Final = "stations/**"
+REVOCATIONS_OF_ALL: Final = "members/**"
+"""Where members say which list of revoked members they have. Its signature is the authority's: anyone may pass it on."""
 EVERYTHING: Final = "**"
 CHILDREN: Final = "children"
 
@@ -83,7 +85,7 @@ def _below(platform: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{platform}/{name}" for name in names)
 
 
-FORWARDED: Final = (*_below("*", READABLE), *_below("*", REQUESTED), STATIONS)
+FORWARDED: Final = (*_below("*", READABLE), *_below("*", REQUESTED), STATIONS, REVOCATIONS_OF_ALL)
 """What routers say to each other."""
 
 
@@ -103,13 +105,13 @@ def grants(own: Accepted, other: Accepted) -> list[AccessGrant]:
     if own.role is MemberRole.PLATFORM:
         return [
             AccessGrant("ingress", "say", spoken(other, own.platform)),
-            AccessGrant("ingress", "ask", _below("*", READABLE)),
-            AccessGrant("egress", "say", _below(own.platform, READABLE)),
+            AccessGrant("ingress", "ask", (*_below("*", READABLE), REVOCATIONS_OF_ALL)),
+            AccessGrant("egress", "say", (*_below(own.platform, READABLE), REVOCATIONS_OF_ALL)),
             AccessGrant("egress", "ask", (EVERYTHING,)),
         ]
     if other.role is MemberRole.PLATFORM:
         return [
-            AccessGrant("ingress", "say", (f"{other.platform}/**", STATIONS)),
+            AccessGrant("ingress", "say", (f"{other.platform}/**", STATIONS, REVOCATIONS_OF_ALL)),
             AccessGrant("ingress", "ask", (EVERYTHING,)),
             AccessGrant("egress", "say", spoken(own, other.platform)),
             AccessGrant("egress", "ask", (EVERYTHING,)),
@@ -121,7 +123,9 @@ def _above_router(member: Accepted) -> tuple[str, ...]:
     """What a member says to a router: its own, and a router what it has been told."""
     if member.role is MemberRole.ROUTER:
         return FORWARDED
-    return _below(member.platform, READABLE) if member.role is MemberRole.PLATFORM else spoken(member, "*")
+    if member.role is MemberRole.PLATFORM:
+        return (*_below(member.platform, READABLE), REVOCATIONS_OF_ALL)
+    return spoken(member, "*")
 
 
 def _below_router(member: Accepted) -> tuple[str, ...]:
@@ -133,9 +137,9 @@ def _below_router(member: Accepted) -> tuple[str, ...]:
         case MemberRole.ROUTER:
             return FORWARDED
         case MemberRole.PLATFORM:
-            return (*_below(member.platform, REQUESTED), STATIONS)
+            return (*_below(member.platform, REQUESTED), STATIONS, REVOCATIONS_OF_ALL)
         case _:
-            return (*_below("*", READABLE), STATIONS)
+            return (*_below("*", READABLE), STATIONS, REVOCATIONS_OF_ALL)
 
 
 def _links(*, from_other: tuple[str, ...], from_own: tuple[str, ...]) -> list[AccessGrant]:
@@ -150,7 +154,8 @@ def _links(*, from_other: tuple[str, ...], from_own: tuple[str, ...]) -> list[Ac
 
 def spoken(station: Accepted, platform: str) -> tuple[str, ...]:
     """What a station may say to a platform."""
-    keys = (f"{platform}/ci/ask/{station.member}", f"stations/{station.member}/**")
+    own = f"{station.member}/**"
+    keys = (f"{platform}/ci/ask/{station.member}", f"stations/{own}", f"members/{own}")
     if station.role is not MemberRole.OPERATOR:
         return keys
     return (f"{platform}/ci/request/{station.member}", f"{platform}/demand/{station.member}", *keys)
@@ -188,7 +193,7 @@ def access_control(own: Accepted, others: Sequence[Accepted]) -> dict[str, Any]:
 
 def size_limits() -> list[dict[str, Any]]:
     """Zenoh's `low_pass_filter`: longer messages between platforms and stations are dropped before they are read."""
-    keys = [*_below("*", ("ci/**", "contact", "demand/*", "components/**", "hosts/**")), "stations/**"]
+    keys = [*_below("*", ("ci/**", "contact", "demand/*", "components/**", "hosts/**")), "stations/**", "members/**"]
     return [
         {
             "id": "messages",
@@ -218,8 +223,8 @@ def _all(keys: tuple[str, ...]) -> list[AccessGrant]:
 def _peers(own: Accepted, other: Accepted) -> list[AccessGrant]:
     """Between hosts of two platforms."""
     return [
-        AccessGrant("ingress", "say", _below(other.platform, SEEN_BY_PLATFORMS)),
-        AccessGrant("ingress", "ask", _below("*", SEEN_BY_PLATFORMS)),
-        AccessGrant("egress", "say", _below(own.platform, SEEN_BY_PLATFORMS)),
+        AccessGrant("ingress", "say", (*_below(other.platform, SEEN_BY_PLATFORMS), REVOCATIONS_OF_ALL)),
+        AccessGrant("ingress", "ask", (*_below("*", SEEN_BY_PLATFORMS), REVOCATIONS_OF_ALL)),
+        AccessGrant("egress", "say", (*_below(own.platform, SEEN_BY_PLATFORMS), REVOCATIONS_OF_ALL)),
         AccessGrant("egress", "ask", (EVERYTHING,)),
     ]

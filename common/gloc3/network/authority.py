@@ -85,7 +85,7 @@ def issue(folder: Path, into: Path, subject: CertificateSubject, now: datetime, 
     authority = read_certificate(folder / AUTHORITY)
     signer = read_key(folder / AUTHORITY_KEY)
     serial = x509.random_serial_number()
-    number = f"{serial:0{NUMBER_DIGITS}x}"[-NUMBER_DIGITS:]
+    number = number_of(serial)
     member = subject.member
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name(member, number))])
     certificate = (
@@ -116,6 +116,11 @@ def read_certificate(path: Path) -> x509.Certificate:
         raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror or error}")]) from error
     except ValueError as error:
         raise InputError([Finding(file=str(path), message="not a certificate (PEM)")]) from error
+
+
+def number_of(serial: int) -> str:
+    """The number of a certificate, as members' names have it: the end of its serial number."""
+    return f"{serial:0{NUMBER_DIGITS}x}"[-NUMBER_DIGITS:]
 
 
 def name_of(certificate: x509.Certificate) -> str:

@@ -14,13 +14,15 @@ from cyclopts import App, Parameter
 
 from gloc3.cli.counting import counted
 from gloc3.cli.narration import narrate
-from gloc3.clock import utc_now
-from gloc3.errors import Refused
+from gloc3.clock import utc_now, utc_text
+from gloc3.errors import NoContact, Refused
 from gloc3.messages.envelope import Severity
-from gloc3.network import register
+from gloc3.network import register, spreading
 from gloc3.network.access import MemberRole, access_control, grants
+from gloc3.network.authority import read_certificate
 from gloc3.network.enrolment import REQUEST, fingerprint, make_request, read_request
-from gloc3.network.file import Membership, member_problem, read_network
+from gloc3.network.file import Membership, Unconfirmed, member_problem, read_network
+from gloc3.network.revocations import REVOCATIONS, read_list
 from gloc3.network.rights import MEANINGS, Rights
 from gloc3.network.rights_file import Right, RightsFile
 
@@ -41,9 +43,10 @@ app = App(
     - `gloc3 onboard pelican.yaml --host main --network pelican.main/network.yaml`
     - `gloc3 network router coast/network.yaml`, on a computer that connects many members
     - `gloc3 network revoke yard bob`
+    - `gloc3 network push alice/network.yaml yard/revocations.pem`, so that all members learn it
     - `gloc3 network rights yard`, after yard/rights.yaml was written: who may what with which vehicle
 
-    Exit codes: 0 done; 2 wrong use, or a file with mistakes.""",
+    Exit codes: 0 done; 1 some members have not got the list; 2 wrong use, or a file with mistakes; 5 nobody was reached.""",
     help_format="markdown",
     version_flags=[],
 )
@@ -53,6 +56,7 @@ STATIONS = (MemberRole.OPERATOR, MemberRole.OBSERVER)
 AUTHORITY_DAYS = 3650
 MEMBER_DAYS = 365
 MOST_DAYS = 36500
+MOST_WAIT_S = 600.0
 
 
 @app.command
@@ -167,17 +171,69 @@ def renew(
 
 @app.command
 def revoke(folder: Path, member: str, /) -> int:
-    """Revoke a member: remove its certificate from all network files, so that it can no longer connect.
+    """Revoke a member: sign a new list of revoked members, and remove it from all network files.
+
+    Bring the list to the members by `gloc3 network push`, or copy the files.
 
     Args:
         folder: The network.
         member: The member to revoke.
     """
     folder = folder.expanduser()
-    changed = register.revoke(folder, member)
-    narrate(f"{member} is revoked and removed from all network files")
-    _narrate(changed)
+    register.revoke(folder, member, utc_now())
+    narrate(f"{member} is revoked and removed from all network files; push {folder / REVOCATIONS} to the members")
     return 0
+
+
+@app.command
+def confirm(folder: Path, /, *, days: int | None = None, then: Unconfirmed | None = None) -> int:
+    """Sign the list of revoked members again, so that it counts as up to date; push it afterwards.
+
+    Args:
+        folder: The network.
+        days: From now on, lists count for so many days; 0 for no end, as at first.
+        then: What stations may do with a platform whose list has ended: safety (look, hold, pause, abort, return, land), or all.
+    """
+    folder = folder.expanduser()
+    if days is not None and not 0 <= days <= MOST_DAYS:
+        raise Refused(f"--days must be from 0 to {MOST_DAYS}")
+    changed = register.confirm(folder, utc_now(), days, then)
+    narrate(f"{folder / REVOCATIONS} is signed; push it to the members")
+    if then is not None:
+        _narrate(changed)
+    return 0
+
+
+@app.command
+def push(file: Path, revocations: Path | None = None, /, *, wait: float = 15.0) -> int:
+    """Send the newest list of revoked members to all members: each keeps it, and passes it on.
+
+    Joins the network as a member, whose own process must not run meanwhile. Prints who has the list.
+
+    Args:
+        file: The member's network.yaml.
+        revocations: The list, if it is not beside it: revocations.pem of the network's folder.
+        wait: Longest time until all members in sight have it, s.
+    """
+    file = file.expanduser()
+    if not 0.0 < wait <= MOST_WAIT_S:
+        raise Refused(f"--wait must be above 0 and at most {MOST_WAIT_S:.0f} s")
+    membership = _read(file)
+    if revocations is not None:
+        authority = read_certificate(file.parent / membership.file.authority)
+        membership = read_network(file, utc_now(), read_list(revocations.expanduser(), authority))
+    found = asyncio.run(spreading.push(membership, wait))
+    assert membership.revocations is not None
+    number = membership.revocations.number
+    for member, known in sorted(found.items()):
+        sys.stdout.write(f"{member}: list {known}{'' if known >= number else ', older'}\n")
+    if not found:
+        raise NoContact(
+            f"no member was reached within {wait:g} s at {', '.join(membership.file.connect) or 'its address'}"
+        )
+    late = [member for member, known in found.items() if known < number]
+    narrate(f"{membership.revocations}: {counted(len(found) - len(late), 'member')} have it")
+    return 1 if late else 0
 
 
 @app.command
@@ -267,6 +323,10 @@ def _words(membership: Membership) -> list[str]:
     lines = [f"{own.member}, {own.own.role} of the network {own.network}, certificate {own.own.certificate}"]
     lines += [f"  listens at {address}" for address in own.listen]
     lines += [f"  connects to {address}" for address in own.connect]
+    if (known := membership.revocations) is not None:
+        lines.append(
+            f"  {known}, valid until {utc_text(known.end_s)} UTC: {counted(len(known.certificates), 'certificate')}"
+        )
     for other in own.others:
         lines.append(f"{other.member}, {other.role}, certificate {other.certificate}")
         texts = {

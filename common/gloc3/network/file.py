@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from datetime import datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import msgspec
+from msgspec.structs import replace
 
 from gloc3.documents.document import Document, load_bytes, parse
 from gloc3.documents.schema import check
@@ -17,6 +19,8 @@ from gloc3.exchange.zenoh_session import QUIC, ZenohEndpoints
 from gloc3.network.access import Accepted, MemberRole, access_control, size_limits
 from gloc3.network.authority import expiry, read_certificate, read_key
 from gloc3.network.authority import findings as certificate_findings
+from gloc3.network.revocations import REVOCATIONS, RevocationList, read_list, verify_list
+from gloc3.network.rights import ListValidity
 from gloc3.network.rights_file import RightsFile, read_rights
 from gloc3.network.signatures import FileKey, RequestSigner, RequestVerifier
 
@@ -24,6 +28,15 @@ NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
 # QUIC before an address: encrypted over UDP, for links that lose packets; without it TLS over TCP.
 ADDRESS: Final = re.compile(rf"(?:{QUIC})?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):([0-9]{{1,5}})")
 MOST_PORT: Final = 65535
+
+
+class Unconfirmed(StrEnum):
+    """What stations may do with a platform whose list of revoked members has ended."""
+
+    SAFETY = "safety"
+    """Look, hold control, pause and abort, hold, return and land."""
+    ALL = "all"
+    """What their roles permit; the end is only reported."""
 
 
 class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -40,6 +53,10 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Addresses, of the same form, of the members that this one connects to."""
     uplinks: list[str] = []
     """The members at those addresses: all others are below this one, and may connect to it."""
+    revocations: str = ""
+    """The list of revoked members; empty for files of before there was one."""
+    unconfirmed: Unconfirmed = Unconfirmed.SAFETY
+    """What stations may do with the platform when that list has ended."""
     rights: str = ""
     """The file with the members' rights; empty where there is none, and every operator may do everything."""
     accepts: list[Accepted]
@@ -68,6 +85,8 @@ class Membership(NamedTuple):
     file: NetworkFile
     rights: RightsFile | None = None
     """Of the members for this platform; None without a file, and for stations, which the platforms tell."""
+    revocations: RevocationList | None = None
+    """The newest list; None for none."""
 
     def node(self, *sockets: str) -> ZenohEndpoints:
         """This member as a Zenoh node.
@@ -97,6 +116,34 @@ class Membership(NamedTuple):
         file, folder = self.file, self.path.parent
         return RequestSigner(FileKey(read_key(folder / file.key)), read_certificate(folder / file.certificate))
 
+    @property
+    def list_path(self) -> Path:
+        """Where the newest list of revoked members is kept."""
+        return self.path.parent / (self.file.revocations or REVOCATIONS)
+
+    @property
+    def validity(self) -> ListValidity | None:
+        """Until when the list of revoked members counts as up to date; None where its end has no consequence."""
+        if self.revocations is None or self.file.unconfirmed is Unconfirmed.ALL:
+            return None
+        return ListValidity(self.revocations.number, self.revocations.end_s)
+
+    def verified(self, data: bytes) -> RevocationList:
+        """A list of revoked members, DER.
+
+        Raises:
+            Refused: the network's authority has not signed it.
+        """
+        return verify_list(data, read_certificate(self.path.parent / self.file.authority))
+
+    def under(self, revocations: RevocationList | None) -> Membership:
+        """The same without the members that a list revokes; itself stays, and has to be told."""
+        if revocations is None:
+            return self
+        own, revoked = self.file.member, revocations.certificates
+        accepts = [one for one in self.file.accepts if one.member == own or one.certificate not in revoked]
+        return self._replace(file=replace(self.file, accepts=accepts), revocations=revocations)
+
     def verifier(self) -> RequestVerifier:
         """Verifies the requests of the members that are accepted."""
         accepted = {entry.member: entry.common_name for entry in self.file.accepts}
@@ -122,12 +169,13 @@ class Membership(NamedTuple):
         }
 
 
-def read_network(path: Path, now: datetime) -> Membership:
-    """Reads a network file, and checks the certificate and the key.
+def read_network(path: Path, now: datetime, newest: RevocationList | None = None) -> Membership:
+    """Reads a network file and what belongs to it, and checks the certificate and the key.
 
     Args:
         path: the file.
         now: certificates have to be valid then.
+        newest: the newest list of revoked members that is known besides the one in the folder.
 
     Raises:
         InputError: lists all errors.
@@ -140,16 +188,25 @@ def read_network(path: Path, now: datetime) -> Membership:
     if file is None or found:
         raise InputError(sorted(found))
     folder = path.parent
-    if file.rights and not (folder / file.rights).exists():
-        message = f"{file.rights} is not there, so nobody's rights are known"
-        raise InputError([document.finding(("rights",), message, "copy the whole folder from the network's")])
+    missing = (("rights", "nobody's rights are known"), ("revocations", "nobody knows who is revoked"))
+    for key, consequence in missing:
+        if (name := getattr(file, key)) and not (folder / name).exists():
+            message = f"{name} is not there, so {consequence}"
+            raise InputError([document.finding((key,), message, "copy the whole folder from the network's")])
     found = certificate_findings(
         folder / file.certificate, folder / file.key, folder / file.authority, file.own.common_name, now
     )
     if found:
         raise InputError(found)
     rights = read_rights(folder / file.rights, file.roles).file if file.rights else None
-    return Membership(path.absolute(), file, rights)
+    membership = Membership(path.absolute(), file, rights)
+    if membership.list_path.exists():
+        kept = read_list(membership.list_path, read_certificate(folder / file.authority))
+        newest = max(filter(None, (newest, kept)), key=lambda one: one.number)
+    if newest is not None and file.own.certificate in newest.certificates:
+        message = f"{file.member} is revoked by {newest}"
+        raise InputError([document.finding(("member",), message, "ask for a new certificate: gloc3 network request")])
+    return membership.under(newest)
 
 
 def _findings(document: Document, file: NetworkFile) -> list[Finding]:

@@ -11,7 +11,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from msgspec.structs import replace
 
 from gloc3.documents.document import dump, load
-from gloc3.errors import Finding, Refused, nearest
+from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.network.access import Accepted, MemberRole, grants
 from gloc3.network.authority import (
     AUTHORITY,
@@ -21,9 +21,11 @@ from gloc3.network.authority import (
     issue,
     make_authority,
     make_key,
+    number_of,
     read_certificate,
 )
-from gloc3.network.file import address_problem, host_of, member_problem
+from gloc3.network.file import Unconfirmed, address_problem, host_of, member_problem
+from gloc3.network.revocations import REVOCATIONS, sign_list
 from gloc3.network.rights_file import RIGHTS_FILE, RightsFile, read_rights
 from gloc3.store import replace_file
 
@@ -48,11 +50,15 @@ class NetworkMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     is_revoked: bool = False
 
 
-class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """All current and former members of the network."""
 
     network: str
     members: dict[str, NetworkMember] = {}
+    confirmed_days: int = 0
+    """So long a list of revoked members counts as up to date; 0 for no end."""
+    unconfirmed: Unconfirmed = Unconfirmed.SAFETY
+    """What stations may do with a platform whose list has ended."""
 
     def current(self) -> dict[str, NetworkMember]:
         """Those that have not been revoked."""
@@ -105,7 +111,7 @@ def found(folder: Path, network: str, now: datetime, valid: timedelta) -> None:
         raise Refused(f"{folder} already holds a network")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     make_authority(folder, network, now, valid)
-    _write(folder, Register(network=network))
+    _write(folder, Register(network=network), now)
 
 
 def read_register(folder: Path) -> Register:
@@ -224,8 +230,13 @@ def _tree_problem(register: Register, name: str) -> str:
     return ""
 
 
-def revoke(folder: Path, name: str) -> list[str]:
-    """Removes a member's certificate from all lists, and rewrites all network files.
+def revoke(folder: Path, name: str, now: datetime) -> list[str]:
+    """Signs a new list of revoked members, removes a member from all network files, and rewrites them.
+
+    Args:
+        folder: the network.
+        name: the member.
+        now: time of signing.
 
     Returns:
         The members whose files have changed.
@@ -237,23 +248,73 @@ def revoke(folder: Path, name: str) -> list[str]:
     register = read_register(folder)
     if name not in register.current():
         raise Refused(f"there is no member {name!r}; {nearest(name, list(register.current()))}")
-    entry = replace(register.members[name], is_revoked=True)
-    changed = replace(register, members={**register.members, name: entry})
-    return _write(folder, changed)
+    changed = replace(register, members={**register.members, name: replace(register.members[name], is_revoked=True)})
+    return _write(folder, changed, now)
 
 
-def _write(folder: Path, register: Register) -> list[str]:
-    """Writes the register and all network files; returns the members whose files have changed."""
+def confirm(folder: Path, now: datetime, days: int | None = None, then: Unconfirmed | None = None) -> list[str]:
+    """Signs the list of revoked members again, so that it counts as up to date for longer.
+
+    Args:
+        folder: the network.
+        now: time of signing.
+        days: so long this list and later ones count; 0 for no end, None for as it is.
+        then: what stations may do with a platform afterwards; None for as it is.
+
+    Returns:
+        The members whose files have changed.
+
+    Raises:
+        InputError: the register cannot be used.
+    """
+    register = read_register(folder)
+    changed = replace(
+        register,
+        confirmed_days=register.confirmed_days if days is None else days,
+        unconfirmed=then or register.unconfirmed,
+    )
+    return _write(folder, changed, now)
+
+
+def _sign(folder: Path, register: Register, now: datetime) -> None:
+    """Signs the next list: what is in the list before, and all that are revoked in the register."""
+    revoked = [
+        _serial(folder / name / CERTIFICATE, member.certificate)
+        for name, member in register.members.items()
+        if member.is_revoked
+    ]
+    sign_list(folder, revoked, now, now + timedelta(days=register.confirmed_days) if register.confirmed_days else None)
+
+
+def _serial(certificate: Path, number: str) -> int:
+    """The serial number of a member's certificate, or else what its number tells of it."""
+    try:
+        serial = read_certificate(certificate).serial_number
+    except InputError:
+        return int(number, 16)
+    return serial if number_of(serial) == number else int(number, 16)
+
+
+def _write(folder: Path, register: Register, signed: datetime | None = None) -> list[str]:
+    """Writes the register and all network files; returns the members whose files have changed.
+
+    Args:
+        folder: the network.
+        register: its members.
+        signed: time at which the next list of revoked members is signed; None for none.
+    """
     roles = {name: member.role for name, member in register.current().items()}
     has_rights = read_rights(folder / RIGHTS_FILE, roles).file is not None  # errors come before anything is written
+    if signed is not None:
+        _sign(folder, register, signed)
     text = f"# The members of the network {register.network}. `gloc3 network` writes this file; authority.key stays here.\n"
     _replace(folder / REGISTER, text + dump(msgspec.to_builtins(register)))
     changed = [
         name
         for name in register.current()
-        if _replace(folder / name / NETWORK_FILE, _network_file(register, name, has_rights=has_rights))
+        if _replace(folder / name / NETWORK_FILE, _network_file(folder, register, name, has_rights=has_rights))
     ]
-    return list(dict.fromkeys([*changed, *_copy_rights(folder, register)]))
+    return list(dict.fromkeys([*changed, *_copy_list(folder, register), *_copy_rights(folder, register)]))
 
 
 def spread_rights(folder: Path) -> tuple[RightsFile, list[Finding], list[str]]:
@@ -273,6 +334,13 @@ def spread_rights(folder: Path) -> tuple[RightsFile, list[Finding], list[str]]:
     return found.file, found.warnings, _write(folder, register)
 
 
+def _copy_list(folder: Path, register: Register) -> list[str]:
+    if not (folder / REVOCATIONS).exists():
+        return []
+    found = (folder / REVOCATIONS).read_text()
+    return [name for name in register.current() if _replace(folder / name / REVOCATIONS, found)]
+
+
 def _copy_rights(folder: Path, register: Register) -> list[str]:
     rights = folder / RIGHTS_FILE
     platforms = [name for name, member in register.current().items() if member.role is MemberRole.PLATFORM]
@@ -281,7 +349,7 @@ def _copy_rights(folder: Path, register: Register) -> list[str]:
     return [name for name in platforms if _replace(folder / name / RIGHTS_FILE, rights.read_text())]
 
 
-def _network_file(register: Register, name: str, *, has_rights: bool) -> str:
+def _network_file(folder: Path, register: Register, name: str, *, has_rights: bool) -> str:
     member, own = register.members[name], register.accepted(name)
     others = [register.accepted(other) for other in register.current() if other != name]
     entries = [own, *(other for other in others if grants(own, other))]
@@ -297,6 +365,19 @@ rights: {RIGHTS_FILE}
         if has_rights and member.role is MemberRole.PLATFORM
         else ""
     )
+    revocations = (
+        f"""
+# Who is revoked: signed by the authority; a newer list that comes over the network replaces it.
+revocations: {REVOCATIONS}
+"""
+        if (folder / REVOCATIONS).exists()
+        else ""
+    )
+    if revocations and member.role is MemberRole.PLATFORM:
+        revocations += f"""\
+# What stations may do when that list has ended: safety (look, hold, pause, abort, return, land), or all.
+unconfirmed: {register.unconfirmed}
+"""
     return f"""\
 # The network file of {name}: its whole folder goes to the computer of {name}, and nowhere else.
 
@@ -313,7 +394,7 @@ authority: {AUTHORITY}
 listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
 uplinks: [{", ".join(map(_quoted, register.targets(name)))}]
-{rights}
+{rights}{revocations}
 # Who is accepted, in which role, with which certificate; everyone else is refused.
 # `gloc3 network show` shows the permissions. After a change: SIGHUP to the processes that use it.
 accepts:

@@ -27,6 +27,7 @@ from gloc3.messages.command_interface import (
     RequestAction,
     RequestTask,
     Steer,
+    Verb,
 )
 from gloc3.network.rights_file import ALL, Right, RightsEntry, RightsFile, Role
 
@@ -60,6 +61,23 @@ UNLIMITED: Final = frozenset({Right.FLY, Right.TERMINATE, Right.FENCE_OFF})
 """What a station needs that commands the autopilot itself, where no request is checked."""
 ITSELF: Final = "*"
 """In place of a member, whose name it can never be: the vehicle's own processes, which have all rights."""
+SAFE_VERBS: Final = (
+    ControlVerb.REQUEST,
+    ControlVerb.RELEASE,
+    ControlVerb.GRANT,
+    ControlVerb.REFUSE,
+    EmergencyVerb.HOLD,
+    EmergencyVerb.LAND,
+    Verb.PAUSE,
+    Verb.ABORT,
+)
+"""What stations may still do while nobody knows who is revoked, so that no vehicle in flight is lost by it."""
+SAFE_ACTIONS: Final = ("hold", "land", "return_home")
+"""And these actions."""
+SAFE_RIGHTS: Final = (Right.CONTROL, Right.FLY)
+"""What these requests need."""
+TELEOPERATE: Final = "teleoperate"
+"""Capability of manual control."""
 IDENTITIES: Final = ("author", "override", "version", "protocol")
 """Fields in which the requests of two persons may differ."""
 
@@ -113,6 +131,23 @@ class HeldRole(NamedTuple):
         return f"{self.role}{only}{end}{f' by {self.by}' if self.by else ''}"
 
 
+class ListValidity(NamedTuple):
+    """Until when the list of revoked members counts as up to date."""
+
+    number: int
+    end_s: float
+    """UTC."""
+
+
+def is_safe(body: AnyBody) -> bool:
+    """Whether a request stays permitted while nobody knows who is revoked."""
+    if isinstance(body, QUERIES):
+        return True
+    if isinstance(body, RequestAction):
+        return body.capability in SAFE_ACTIONS and not body.override
+    return isinstance(body, Control | Emergency | Steer) and body.verb in SAFE_VERBS
+
+
 class MemberRights(msgspec.Struct, frozen=True):
     """What a member may do with a platform."""
 
@@ -147,7 +182,8 @@ class Rights:
         utc_s: returns UTC, s, for the roles' ends in the file.
         now_s: returns the monotonic time, s, for everything else.
         file: the rights; None for none.
-        members: the members of the network that may send commands at all.
+        members: the members of the network that may send commands at all; None without a network.
+        validity: of the list of revoked members; None where its end has no consequence.
     """
 
     def __init__(
@@ -156,16 +192,20 @@ class Rights:
         utc_s: Callable[[], float] = _no_time,
         now_s: Callable[[], float] = _no_time,
         file: RightsFile | None = None,
-        members: Iterable[str] = (),
+        members: Iterable[str] | None = None,
+        validity: ListValidity | None = None,
     ) -> None:
         self._platform, self._utc_s, self._now_s = platform, utc_s, now_s
         self._given: dict[str, _Given] = {}
         self._firsts: dict[bytes, _First] = {}
-        self.adopt(file, members)
+        self.adopt(file, members, validity)
 
-    def adopt(self, file: RightsFile | None, members: Iterable[str] = ()) -> None:
-        """Replaces the file; given roles remain as long as their givers are commanders."""
-        self._file, self._members = file, tuple(members)
+    def adopt(
+        self, file: RightsFile | None, members: Iterable[str] | None = None, validity: ListValidity | None = None
+    ) -> None:
+        """Replaces the file and the members; given roles remain as long as their givers are commanders."""
+        self._file, self._validity = file, validity
+        self._members = None if members is None else tuple(members)
 
     @property
     def is_open(self) -> bool:
@@ -178,6 +218,8 @@ class Rights:
         """The roles that a member has now for the platform; observer alone where it has none."""
         if member == ITSELF:
             return [HeldRole(Role.COMMANDER), HeldRole(Role.MAINTAINER)]
+        if not self._is_member(member):
+            return [HeldRole(Role.OBSERVER)]
         given = self._given.get(member)
         if given is not None and (given.end_s <= self._now_s() or not self._is_commander(given.held.by)):
             del self._given[member]
@@ -194,16 +236,36 @@ class Rights:
         return [held for held in found if held.until_s is None or held.until_s > self._utc_s()]
 
     def _is_commander(self, member: str) -> bool:
-        return any(Right.APPOINT in ROLES[held.role] for held in self._filed(member))
+        return self._is_member(member) and any(Right.APPOINT in ROLES[held.role] for held in self._filed(member))
+
+    def _is_member(self, member: str) -> bool:
+        """Whether a member may command at all; one that was revoked may not, by a radio's key either."""
+        return member in ("", ITSELF) or self._members is None or member in self._members
+
+    def _unconfirmed(self, member: str) -> str:
+        """Why a member is limited to what is safe; empty where it is not."""
+        validity = self._validity
+        if member in ("", ITSELF) or validity is None or validity.end_s > self._utc_s():
+            return ""
+        return (
+            f"list {validity.number} of revoked members has ended on {utc_text(validity.end_s)} UTC, so that {member} may "
+            "only look, hold, pause, abort, return and land: gloc3 network confirm, and push it"
+        )
 
     def may(self, member: str, right: Right) -> bool:
         """Whether a member has a right now."""
-        return self.is_open or any(right in ROLES[held.role] for held in self.held(member))
+        if right not in SAFE_RIGHTS and self._unconfirmed(member):
+            return False
+        if self.is_open:
+            return self._is_member(member)
+        return any(right in ROLES[held.role] for held in self.held(member))
 
     def may_alone(self, member: str, rights: Iterable[Right]) -> bool:
         """Whether a member has rights without a second person, and without limits to some capabilities."""
+        if self._unconfirmed(member):
+            return False
         if self._file is None:
-            return True
+            return self._is_member(member)
         wanted = frozenset(rights)
         is_alone = wanted.isdisjoint(self._file.two_persons) and all(self.may(member, right) for right in wanted)
         return is_alone and (Right.FLY not in wanted or self._capabilities(member) is None)
@@ -218,10 +280,23 @@ class Rights:
         Raises:
             Refused: the member has no right to it; names the role that has.
         """
+        if not is_safe(body) and (reason := self._unconfirmed(member)):
+            raise Refused(reason)
         for right in sorted(rights_for(body)):
             self.require(member, right)
         if isinstance(body, RequestAction):
             self.check_capabilities(member, [body.capability])
+
+    def check_demand(self, member: str) -> None:
+        """Checks velocity demands.
+
+        Raises:
+            Refused: the member may not steer by hand.
+        """
+        if reason := self._unconfirmed(member):
+            raise Refused(reason)
+        self.require(member, Right.FLY)
+        self.check_capabilities(member, [TELEOPERATE])
 
     def require(self, member: str, right: Right) -> None:
         """Checks a right.
@@ -231,6 +306,10 @@ class Rights:
         """
         if self.may(member, right):
             return
+        if not self._is_member(member):
+            raise Refused(f"{member} is no operator of the network, or was revoked")
+        if right not in SAFE_RIGHTS and (reason := self._unconfirmed(member)):
+            raise Refused(reason)
         roles = [role for role in Role if right in ROLES[role]]
         needed = f"{MEANINGS[right]} needs the role {listed(roles, 'or')} of {self._platform}"
         if not member:
@@ -287,8 +366,9 @@ class Rights:
             raise Refused("this network has no rights.yaml, so everyone has all rights of the link; add one first")
         if role not in GIVEN:
             raise Refused(f"{role!r} cannot be given for a time; {nearest(role, list(GIVEN))}")
-        if member not in self._members:
-            raise Refused(f"{member!r} is no operator of the network; {nearest(member, list(self._members))}")
+        members = list(self._members or ())
+        if member not in members:
+            raise Refused(f"{member!r} is no operator of the network; {nearest(member, members)}")
         if self._is_commander(member):
             raise Refused(f"{member} is commander of {self._platform}; only rights.yaml changes that")
         if not 0.0 < for_s <= LONGEST_S:

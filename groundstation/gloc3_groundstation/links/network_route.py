@@ -4,19 +4,25 @@ import asyncio
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+from random import SystemRandom
+from typing import TYPE_CHECKING, Any
 
 from gloc3.clock import utc_now
+from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages.command_interface import StationRole
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.topics import TopicTable
 from gloc3.network.access import MemberRole
 from gloc3.network.file import Membership
+from gloc3.network.spreading import PASSED_ON_S, RevocationSpreader
 from gloc3.network.stations import join_platforms
 from gloc3_groundstation.links.link import Report
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.links.station_routes import FRESH_S, OWN_NETWORK, StationRoute, StationRoutes
+
+if TYPE_CHECKING:
+    from gloc3.exchange.zenoh import ZenohExchange
 
 
 def role_of(membership: Membership) -> StationRole:
@@ -42,6 +48,7 @@ class NetworkRoute:
         self._received = 0
         self._now_s: Callable[[], float] = lambda: 0.0
         self._problems: Callable[[], dict[str, int]] = dict
+        self._cut: asyncio.Task[None] | None = None
 
     @property
     def url(self) -> str:
@@ -68,6 +75,14 @@ class NetworkRoute:
         )
         self._problems = network.problems
 
+        def adopt(found: Membership, *, is_anyone_out: bool) -> None:
+            self._membership = found
+            if is_anyone_out:
+                self._cut = loop.create_task(self._cut_off(network))
+
+        spreader = RevocationSpreader(network, loop, SystemRandom(), membership, adopt, self._reported)
+        self._stack.callback(spreader.close)
+
         def handle(envelope: Envelope[Any]) -> bool:
             self._received += 1
             self._received_s[envelope.topic.partition("/")[0]] = loop.time()
@@ -86,7 +101,17 @@ class NetworkRoute:
 
     def close(self) -> None:
         """Leaves."""
+        if self._cut is not None:
+            self._cut.cancel()
         self._stack.close()
+
+    async def _cut_off(self, network: "ZenohExchange") -> None:
+        """Closes the connections to members that are not accepted any more."""
+        await asyncio.sleep(PASSED_ON_S)
+        try:
+            await network.renew(self._membership.node(), self._membership.settings())
+        except Gloc3Error as error:
+            self._reported(str(error))
 
     def snapshot(self, platforms: Iterable[str]) -> LinkSnapshot:
         """How it is now, with those of some platforms that are there."""

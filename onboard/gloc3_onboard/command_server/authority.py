@@ -43,8 +43,6 @@ MOST_LATE: Final = 2
 DOUBLED_AGAIN_S: Final = 60.0
 DEMANDS_AGAIN_S: Final = 10.0
 """Period at which the reason for ignoring a station's demands is repeated, s."""
-TELEOPERATE: Final = "teleoperate"
-"""The capability."""
 DRIFT: Final = 1e-3
 """Two clocks run apart by less than this share of the time."""
 MOST_SENDERS: Final = 16
@@ -365,8 +363,7 @@ class Demands:
         demand = envelope.payload
         if demand.role is not StationRole.OPERATOR:
             raise Refused("it is an observer")
-        self._rights.require(demand.member, Right.FLY)
-        self._rights.check_capabilities(demand.member, [TELEOPERATE])
+        self._rights.check_demand(demand.member)
         self._authority.require(demand.sender)
         elapsed_s = now_s - envelope.t_s
         session = self._session_of(demand, elapsed_s)

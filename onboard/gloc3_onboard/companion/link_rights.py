@@ -85,7 +85,7 @@ class LinkRights:
 
     def withholds(self, frame: Frame) -> bool:
         """Whether a frame is not passed on."""
-        if self._rights.is_open:
+        if self._rights.is_open and self._rights.may_alone(self._member, UNLIMITED):
             return False
         match use_of(frame):
             case FrameUse.READ:

@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,8 @@ from gloc3.component.hosted import HUNG
 from gloc3.component.lci import State
 from gloc3.errors import Gloc3Error, InputError, Misuse, Refused
 from gloc3.messages.envelope import Severity
+from gloc3.network.file import Membership
+from gloc3.network.spreading import PASSED_ON_S, RevocationSpreader
 from gloc3.platform.places import ProcessPlace, clock_host
 from gloc3.platform.platform import Platform
 from gloc3_onboard.hosts.host_agent import ClockState, HostAgent
@@ -23,7 +26,7 @@ from gloc3_onboard.hosts.loop import PlatformLoop
 from gloc3_onboard.hosts.node import HostNode, NodeOptions
 from gloc3_onboard.hosts.offset import OffsetEstimate
 from gloc3_onboard.hosts.pipe import ChildSetup
-from gloc3_onboard.hosts.shared import SharedExchange, renew
+from gloc3_onboard.hosts.shared import SharedExchange, renew, reread
 from gloc3_onboard.process.event_narration import EventNarration
 from gloc3_onboard.service.manager import ServiceManager
 
@@ -147,6 +150,13 @@ class HostProcess:
         )
         names = [row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.placeholders))]
         self._narration = EventNarration(shared.exchange.here, platform.platform, names, report)
+        self._reload = asyncio.Event()
+        """The network file has to be read again."""
+        self._spreader: RevocationSpreader | None = None
+        if shared.member is not None:
+            random = self._node.context.random
+            warn = partial(report, Severity.WARNING)
+            self._spreader = RevocationSpreader(shared.exchange, loop, random, shared.member, self._adopt_list, warn)
 
     async def run(self, stopped: asyncio.Event) -> None:
         """Runs the components until the process is stopped or the clock host's time jumps."""
@@ -171,29 +181,36 @@ class HostProcess:
             await onboard.stop(lambda text: self._report(Severity.WARNING, text))
             await self._agent.end()
             self._clock.close()
+            if self._spreader is not None:
+                self._spreader.close()
             self._narration.close()
             await self._node.close()
 
     async def _renew_on_request(self) -> None:
-        """Reloads the network file on SIGHUP."""
-        reported, network = asyncio.Event(), self._options.network
-        self._loop.add_signal_handler(signal.SIGHUP, reported.set)
+        """Reloads the network file on SIGHUP, and after a newer list of revoked members."""
+        reload, network, spreader = self._reload, self._options.network, self._spreader
+        self._loop.add_signal_handler(signal.SIGHUP, reload.set)
         while True:
-            await reported.wait()
-            reported.clear()
+            await reload.wait()
+            reload.clear()
             self._manager.reloading(monotonic_s())
-            if network is not None:
+            if network is not None and spreader is not None:
                 try:
-                    shared = self._shared
                     self._agent.announce_renewal()
                     await asyncio.sleep(POLL_S)  # so that nobody notices the end before what is said of it
-                    await renew(shared.exchange, shared.endpoint, self._platform, self._host, network, self._loop)
+                    member = await reread(self._platform, self._host, network, self._loop, spreader.newest)
+                    await renew(self._shared.exchange, self._shared.endpoint, member)
+                    spreader.renew(member)
                     self._report(Severity.NOTICE, f"{network} is reloaded")
                 except (InputError, Refused) as error:
                     self._report(Severity.ERROR, f"{error}: the network is unchanged")
                 except Gloc3Error as error:
                     self._report(Severity.ERROR, f"{error}: other hosts are not reachable")
             self._manager.ready()
+
+    def _adopt_list(self, _: Membership, *, is_anyone_out: bool) -> None:
+        if is_anyone_out:
+            self._loop.call_later(PASSED_ON_S, self._reload.set)
 
     async def _feed(self) -> None:
         """Feeds the service manager's watchdog, unless a required component here hangs."""

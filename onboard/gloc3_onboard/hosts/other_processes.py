@@ -1,13 +1,16 @@
 """Other processes, seen from the clock host: children, hosts, time, and network stations."""
 
+import asyncio
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from gloc3.cli.counting import counted
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import SensorCondition
 from gloc3.network.file import Membership
+from gloc3.network.spreading import PASSED_ON_S, RevocationSpreader
 from gloc3.network.stations import BridgeContext, BridgeMembers, StationBridge
 from gloc3.platform.places import clock_host, host_names
 from gloc3_onboard.assembly import VehicleSide
@@ -16,7 +19,7 @@ from gloc3_onboard.hosts.host_agent import HostAgent
 from gloc3_onboard.hosts.host_clock import ClockServer
 from gloc3_onboard.hosts.host_watch import HostWatch
 from gloc3_onboard.hosts.pipe import ChildSetup
-from gloc3_onboard.hosts.shared import SharedExchange, renew
+from gloc3_onboard.hosts.shared import SharedExchange, renew, reread
 from gloc3_onboard.inputs import VehicleInputs
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.runner import HostMember
@@ -61,12 +64,19 @@ class OtherProcesses:
         )
         boots = context.random
         self._bridge: StationBridge | None = None
+        self._spreader: RevocationSpreader | None = None
+        self._cuts: set[asyncio.Task[None]] = set()
+        self._renewal = asyncio.Lock()
         if member is not None:
             self._events = LinkReports(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
             bridged = BridgeContext(context.platform, context.loop, context.clock, context.topics)
             self._bridge = StationBridge(exchange, bridged, _members(member), boots.getrandbits(32), self._forged)
             parts.add("network events", self._events)
             parts.add("station bridge", self._bridge, self._bridge.close)
+            self._spreader = RevocationSpreader(
+                exchange, context.loop, boots, member, self._adopt_list, partial(self._events.report, Severity.WARNING)
+            )
+            parts.add("list of revoked members", self._spreader, self._spreader.close)
         clock_server = ClockServer(exchange, context.platform, context.loop)
         parts.add("clock server", clock_server, clock_server.close)
         self._watch = HostWatch(context, self._host, host_names(platform), report)
@@ -92,6 +102,8 @@ class OtherProcesses:
 
     async def end(self) -> None:
         """Ends the child processes after their components have left."""
+        for cut in self._cuts:
+            cut.cancel()
         await self._agent.end()
 
     def log_problem(self) -> str:
@@ -104,24 +116,48 @@ class OtherProcesses:
 
     async def renew_network(self) -> None:
         """Reads the network file again; where it is wrong, everything stays as it is."""
-        network, inputs = self._options.network, self._inputs
-        if network is None or self._bridge is None:
+        network, inputs, spreader = self._options.network, self._inputs, self._spreader
+        if network is None or spreader is None:
             return
-        report, context = inputs.report, inputs.context
-        self._watch.expect_renewal()
         try:
-            member = await renew(
-                context.exchange, self._shared.endpoint, inputs.platform, self._host, network, context.loop
-            )
+            member = await reread(inputs.platform, self._host, network, inputs.context.loop, spreader.newest)
         except (InputError, Refused) as error:
-            report(Severity.ERROR, f"{error}: the network is unchanged")
+            inputs.report(Severity.ERROR, f"{error}: the network is unchanged")
             return
-        except Gloc3Error as error:
-            report(Severity.ERROR, f"{error}: other hosts are not reachable")
-            return
+        if await self._reconnect(member):
+            self._admit(member)
+            spreader.renew(member)
+            others = counted(len(member.file.others), "other member")
+            inputs.report(Severity.NOTICE, f"{network} is reloaded: {others}")
+
+    async def _reconnect(self, member: Membership) -> bool:
+        """Opens the connections to others again; returns False, and reports it, where they cannot be opened."""
+        async with self._renewal:
+            self._watch.expect_renewal()
+            try:
+                await renew(self._inputs.context.exchange, self._shared.endpoint, member)
+            except Gloc3Error as error:
+                self._inputs.report(Severity.ERROR, f"{error}: other hosts are not reachable")
+                return False
+        return True
+
+    def _admit(self, member: Membership) -> None:
+        """Requests are judged by this membership from now on."""
+        assert self._bridge is not None
         self._bridge.members = _members(member)
-        inputs.rights.adopt(member.rights, member.commanding)
-        report(Severity.NOTICE, f"{network} is reloaded: {counted(len(member.file.others), 'other member')}")
+        self._inputs.rights.adopt(member.rights, member.commanding, member.validity)
+
+    def _adopt_list(self, member: Membership, *, is_anyone_out: bool) -> None:
+        """Applies a newer list of revoked members: to their requests at once, to their connections a little later."""
+        self._admit(member)
+        if is_anyone_out:
+            cut = self._inputs.context.loop.create_task(self._cut_off(member))
+            self._cuts.add(cut)
+            cut.add_done_callback(self._cuts.discard)
+
+    async def _cut_off(self, member: Membership) -> None:
+        await asyncio.sleep(PASSED_ON_S)
+        await self._reconnect(member)
 
     def _forged(self, station: str, reason: str) -> None:
         self._events.report(Severity.WARNING, f"a request of {station} is refused: {reason}")

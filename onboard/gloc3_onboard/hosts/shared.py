@@ -20,6 +20,7 @@ from gloc3.platform.platform import Platform
 
 if TYPE_CHECKING:
     from gloc3.network.file import Membership
+    from gloc3.network.revocations import RevocationList
 
 
 class SharedExchange(NamedTuple):
@@ -29,6 +30,8 @@ class SharedExchange(NamedTuple):
     endpoint: str
     """Where its children find it; empty where it has none."""
     topics: TopicTable
+    member: "Membership | None" = None
+    """Of the network; None for none."""
 
 
 def alone() -> SharedExchange:
@@ -73,7 +76,7 @@ def open_shared(
     node = ZenohEndpoints(name=host, listen=sockets) if member is None else member.node(*sockets)
     settings = None if member is None else member.settings()
     with open_exchange(node, loop, topics, troubled, settings) as exchange:
-        yield SharedExchange(exchange, endpoint, topics)
+        yield SharedExchange(exchange, endpoint, topics, member)
 
 
 def socket_folder() -> Path:
@@ -108,21 +111,40 @@ def check_member(platform: Platform, host: str, member: "Membership | None") -> 
         raise Refused(f"{member.path}: it is {member.file.member}'s, and this is {name}")
 
 
-async def renew(
-    exchange: Exchange, endpoint: str, platform: Platform, host: str, network: Path, loop: asyncio.AbstractEventLoop
+async def reread(
+    platform: Platform,
+    host: str,
+    network: Path,
+    loop: asyncio.AbstractEventLoop,
+    newest: "RevocationList | None" = None,
 ) -> "Membership":
-    """Reloads a network file and applies it, without blocking the loop.
+    """Reloads a network file without blocking the loop.
+
+    Args:
+        platform: the platform.
+        host: name of the host.
+        network: the file.
+        loop: the process's event loop.
+        newest: the newest list of revoked members that is known.
 
     Raises:
-        InputError: the file has errors; nothing changes.
-        Refused: the file is another member's; nothing changes.
+        InputError: the file has errors.
+        Refused: the file is another member's.
+    """
+    from gloc3.network.file import read_network
+
+    member = await loop.run_in_executor(None, read_network, network, utc_now(), newest)
+    check_member(platform, host, member)
+    return member
+
+
+async def renew(exchange: Exchange, endpoint: str, member: "Membership") -> None:
+    """Opens the connections to others again, as a membership wants them.
+
+    Raises:
         Gloc3Error: no session could be opened.
     """
     from gloc3.exchange.zenoh import ZenohExchange
-    from gloc3.network.file import read_network
 
-    member = await loop.run_in_executor(None, read_network, network, utc_now())
-    check_member(platform, host, member)
     assert isinstance(exchange, ZenohExchange)
     await exchange.renew(member.node(*filter(None, [endpoint])), member.settings())
-    return member

@@ -125,7 +125,8 @@ class OnboardProcess:
             context.clock.utc_s,
             context.clock.now_s,
             None if member is None else member.rights,
-            [] if member is None else member.commanding,
+            None if member is None else member.commanding,
+            None if member is None else member.validity,
         )
         inputs = self._inputs(context)
         self.vehicle: Final = VehicleSide(inputs, options.autopilot)

@@ -129,7 +129,12 @@ def test_a_member_keeps_its_key_on_its_own_computer_and_is_renewed_before_its_ce
     told = capsys.readouterr().err
     assert f"fingerprint of the key: {digits}; it has to be the one that dora reads out" in told
     public = yard.folder / "dora"
-    assert sorted(path.name for path in public.iterdir()) == ["authority.pem", "certificate.pem", "network.yaml"]
+    assert sorted(path.name for path in public.iterdir()) == [
+        "authority.pem",
+        "certificate.pem",
+        "network.yaml",
+        "revocations.pem",
+    ]
     key = (laptop / "key.pem").read_bytes()
 
     def check() -> str:
@@ -230,8 +235,12 @@ def test_no_role_may_say_what_is_anothers() -> None:
         "pelican/demand/alice",
         "pelican/ci/ask/alice",
         "stations/alice/**",
+        "members/alice/**",
     }
-    assert text(main, bob) == {"pelican/ci/ask/bob", "stations/bob/**"}
-    assert text(main, other) == {f"hummingbird/ci/{name}" for name in ("summary", "mission", "control")}
-    assert text(alice, main) == {"pelican/**", "stations/**"}
+    assert text(main, bob) == {"pelican/ci/ask/bob", "stations/bob/**", "members/bob/**"}
+    assert text(main, other) == {
+        "members/**",
+        *(f"hummingbird/ci/{name}" for name in ("summary", "mission", "control")),
+    }
+    assert text(alice, main) == {"pelican/**", "stations/**", "members/**"}
     assert text(alice, bob) == set()

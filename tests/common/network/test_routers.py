@@ -16,7 +16,6 @@ from gloc3.component.lci import State
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.base import Exchange
-from gloc3.exchange.zenoh_session import forwarding
 from gloc3.messages.command_interface import CiReply, CiRequest, StationRole
 from gloc3.messages.envelope import ComponentStatus, Envelope, Kind
 from gloc3.messages.summaries import ControlState, Health, StationHeard, Summary
@@ -24,7 +23,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3.messages.wire import type_name
 from gloc3.network import register
 from gloc3.network.access import MemberRole
-from gloc3.network.router import read_router
+from gloc3.network.router import read_router, routing
 from gloc3.network.stations import join_platforms
 
 pytestmark = [pytest.mark.sockets, pytest.mark.timeout(60)]
@@ -45,9 +44,9 @@ def add(yard: Yard, name: str, role: MemberRole, **fields: Any) -> None:
 
 
 @contextmanager
-def routing(yard: Yard, name: str) -> Iterator[None]:
-    membership = read_router(yard.folder / name / "network.yaml")
-    with forwarding(membership.node(), membership.settings()):
+def routed(yard: Yard, name: str) -> Iterator[None]:
+    """A router on this loop."""
+    with routing(read_router(yard.folder / name / "network.yaml"), lambda *_: None, lambda: None):
         yield
 
 
@@ -84,7 +83,7 @@ async def test_requests_reports_and_presence_pass_two_routers_and_a_dead_one_com
     with ExitStack() as stack:
         for name in ("root", "coast"):
             session = stack.enter_context(ExitStack())
-            session.enter_context(routing(yard, name))
+            session.enter_context(routed(yard, name))
         main, vision = (stack.enter_context(yard.open(f"pelican.{host}")) for host in ("main", "vision"))
         network = stack.enter_context(yard.open("alice"))
         server, alice = Server(main, yard), Alice(yard, network)
@@ -112,7 +111,7 @@ async def test_requests_reports_and_presence_pass_two_routers_and_a_dead_one_com
         server.received.clear()
         await asyncio.sleep(1.5)
         assert server.received == [], "and so is the station, for the vehicle"
-        stack.enter_context(routing(yard, "coast"))
+        stack.enter_context(routed(yard, "coast"))
         assert (await alice.request(server)).payload.member == "alice"
         alice.part()
         server.bridge.close()
@@ -121,7 +120,7 @@ async def test_requests_reports_and_presence_pass_two_routers_and_a_dead_one_com
 async def test_a_router_can_forge_replay_and_pretend_nothing(tmp_path: Path) -> None:
     yard = joined_yard(tmp_path / "yard")
     with ExitStack() as stack:
-        stack.enter_context(routing(yard, "root"))
+        stack.enter_context(routed(yard, "root"))
         main, coast = stack.enter_context(yard.open("pelican.main")), stack.enter_context(yard.open("coast"))
         network = stack.enter_context(yard.open("alice"))
         server, alice = Server(main, yard), Alice(yard, network)

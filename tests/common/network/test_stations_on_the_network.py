@@ -264,7 +264,7 @@ async def test_a_renewed_or_revoked_members_former_key_signs_nothing_any_more(tm
     assert server.reported[-1][1].startswith("it is signed by alice/")
     Stranger(exchange, yard).send("request/alice", request("alice", 1, START))
     assert [one.payload.sequence for one in server.used] == [1]
-    register.revoke(yard.folder, "alice")
+    register.revoke(yard.folder, "alice", NOW)
     server.bridge.members = members_of(yard.membership("pelican.main"))
     server.bridge.forgeries.clear()
     former.send("request/alice", request("alice", 2, START))

@@ -189,7 +189,7 @@ async def test_a_revoked_certificate_counts_no_more_and_a_renewed_one_takes_the_
         read, is_commanding = await scene.play(carol, "carol")
         assert "state" in read
         assert is_commanding
-        revoke(yard.folder, "carol")
+        revoke(yard.folder, "carol", NOW)
         new = yard.membership("pelican.main")
         await main.renew(new.node(), new.settings())
         await until(lambda: main.problems() == {})

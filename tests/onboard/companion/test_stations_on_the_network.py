@@ -4,6 +4,7 @@ import signal
 import socket
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from tests.commands.programs import Program, program
 from gloc3.log.commands import list_commands
 from gloc3.log.reader import LogReader
 from gloc3.messages.topics import TopicTable
+from gloc3.network import register
 from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
@@ -86,6 +88,43 @@ def test_a_revoked_member_is_shut_out_while_it_runs_and_its_mission_goes_on_by_r
         with station(yard, "alice", "--mission", "hop", "--wait", "6") as again:
             assert again.end() == 5, again.text
         assert "pelican did not respond" in again.text or "a platform did not respond" in again.text, again.text
+
+
+def test_a_pushed_list_reaches_a_vehicle_in_flight_through_a_router_and_its_end_leaves_what_is_safe(yard: Path) -> None:
+    (port,) = free_ports(1, socket.SOCK_STREAM)
+    made(yard, "network", "add", "yard", "root", "--role", "router", "--listen", f"127.0.0.1:{port}")
+    for name in ("carol", "office"):
+        made(yard, "network", "add", "yard", name, "--role", "operator")
+    with (
+        program("network", "router", "yard/root/network.yaml", folder=yard) as root,
+        vehicle(yard) as onboard,
+        station(yard, "alice", "--mission", "hop") as alice,
+        station(yard, "carol") as carol,
+    ):
+        alice.await_line(lambda line: "mission is started" in line)
+        carol.await_line(lambda line: "is heard" in line)
+        made(yard, "network", "revoke", "yard", "carol")
+        with program("network", "push", "yard/office/network.yaml", folder=yard) as push:
+            assert push.end() == 0, push.text
+        assert {"alice: list 2", "carol: list 2", "pelican.main: list 2", "root: list 2"} <= set(push.lines), push.text
+        for process in (onboard, root):
+            process.await_line(lambda line: line.endswith("it revokes carol"))
+        root.await_line(lambda line: "for 5 members" in line)
+        assert alice.end() == 0, alice.text
+        carol.interrupt()
+        with station(yard, "carol", "--mission", "hop", "--wait", "4") as again:
+            assert again.end() == 2, again.text
+        assert "carol is revoked by list 2 of revoked members" in again.text
+        register.confirm(yard / "yard", datetime.now(UTC) - timedelta(days=3), days=1)
+        made(yard, "network", "push", "yard/office/network.yaml")
+        onboard.await_line(lambda line: "list 3 of revoked members has ended" in line)
+        with station(yard, "alice", "--mission", "hop") as alice:
+            assert alice.end() == 4, alice.text
+        assert "so that alice may only look, hold, pause, abort, return and land" in alice.text
+        with station(yard, "alice", "--platform", "pelican", "--do", "hold", "--within", "2") as alice:
+            alice.end()
+        assert "error: hold" in alice.text
+        assert "only look, hold" not in alice.text, "it is refused for another reason: " + alice.text
 
 
 def test_a_radios_key_has_the_rights_of_its_member_and_every_refusal_names_who_may(yard: Path) -> None:

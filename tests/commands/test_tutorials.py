@@ -13,6 +13,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
+from tests.commands.foxglove_layout import check_layout
 from tests.package_of_page import install
 
 pytestmark = [pytest.mark.flight, pytest.mark.sockets]
@@ -40,7 +41,7 @@ def pattern(lines: list[str]) -> re.Pattern[str]:
 def surroundings(folder: Path) -> dict[str, str]:
     """The environment of a command: this `gloc3` on the path, and the packages of the page."""
     programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    return os.environ | {"PATH": programs, "PYTHONPATH": str(folder), "COLUMNS": "120"}
+    return os.environ | {"PATH": programs, "PYTHONPATH": str(folder), "XDG_CONFIG_HOME": str(folder), "COLUMNS": "120"}
 
 
 @contextmanager
@@ -77,6 +78,19 @@ def run(command: str, folder: Path) -> str:
 def test_a_tutorial_is_done_to_the_letter(page: str, tmp_path: Path) -> None:
     with ExitStack() as stack:
         do(page, tmp_path, stack)
+    if page == "foxglove":
+        shown = check_layout(tmp_path / "filmed")
+        assert set(shown) == {"ThreeDee", "Image", "Plot", "Log", "Map"}
+        named = set(re.findall(r"`((?:frames|scene|filmed|calibration)[\w/]*)`", panels_of(page)))
+        assert named == {"frames"}.union(*shown.values())
+
+
+def panels_of(page: str) -> str:
+    """The table of panels of a page, without those that are mentioned only."""
+    (table,) = re.findall(
+        r"^\| panel .*?\n\n", (PAGES / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    return str(table)
 
 
 def do(page: str, tmp_path: Path, stack: ExitStack) -> None:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.camera.model import CameraModel
-from gloc3.log.foxglove.layout import LAYOUT_FILE, layout
+from gloc3.log.foxglove.layout import LAYOUT_FILE, SCENE_TOPICS, layout
 from gloc3.log.foxglove.scene import CALIBRATION_SCHEMA, body_frame, calibration
 from gloc3.log.foxglove.schemas import NED_FRAME, transform
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE, Recorder
@@ -58,12 +58,16 @@ class RunDescription:
             OSError: the folder cannot be written.
         """
         platform = self._platform
-        cameras = [
-            name
-            for name in self._cameras
-            if period_s(f"camera/{name}", topics.row(f"{platform.platform}/camera/{name}"), platform.log) is not None
-        ]
-        (folder / LAYOUT_FILE).write_bytes(layout(platform.platform, cameras))
+
+        def is_recorded(topic: str) -> bool:
+            return period_s(topic, topics.row(f"{platform.platform}/{topic}"), platform.log) is not None
+
+        published = {
+            topic for row in platform.components for port in row.load_class().outputs for topic in row.topics(port)
+        }
+        cameras = [name for name in self._cameras if is_recorded(f"camera/{name}")]
+        scene = [topic for topic in SCENE_TOPICS if topic in published and is_recorded(topic)]
+        (folder / LAYOUT_FILE).write_bytes(layout(platform.platform, cameras, scene))
 
     def _transforms(self) -> Iterator[dict[str, Any]]:
         """Where cameras and scanners are: on the body, or where a follower says that its camera stands."""

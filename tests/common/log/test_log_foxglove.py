@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 
 from gloc3.camera.model import CameraModel
 from gloc3.log.description import RunDescription
-from gloc3.log.foxglove.layout import LAYOUT_FILE, layout
+from gloc3.log.foxglove.layout import LAYOUT_FILE, SCENE_TOPICS, layout
 from gloc3.log.foxglove.scene import stamped
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE
 from gloc3.messages.envelope import Event, Severity, Source
@@ -235,17 +235,26 @@ def test_the_layout_is_one_that_foxgloves_sdk_makes(tmp_path: Path) -> None:
         "column", (2.0, panel(fl.ThreeDeePanel, scene, "Scene")), (1.0, split("row", *((1.0, one) for one in pictures)))
     )
     content = split("row", (2.0, left), (1.0, split("column", *((1.0, one) for one in numbers))))
-    assert json.loads(layout("pelican", cameras)) == json.loads(fl.Layout(content=content).to_json())
+    assert json.loads(layout("pelican", cameras, SCENE_TOPICS)) == json.loads(fl.Layout(content=content).to_json())
 
 
-def test_the_layout_beside_the_log_has_the_cameras_that_are_recorded(tmp_path: Path) -> None:
-    platform = load_platform("pelican")
-    cameras = {name: model for name, model in platform.cameras.items() if isinstance(model, CameraModel)}
+def test_the_layout_beside_the_log_has_the_topics_that_are_published_and_recorded(tmp_path: Path) -> None:
     topics = TopicTable.installed()
-    RunDescription(platform, "", cameras).write_layout(tmp_path, topics)
-    assert "camera/" not in (tmp_path / LAYOUT_FILE).read_text()
-    chosen = msgspec.structs.replace(platform, log={"camera/ground": 2.0})
-    RunDescription(chosen, "", cameras).write_layout(tmp_path, topics)
-    text = (tmp_path / LAYOUT_FILE).read_text()
-    assert "pelican/camera/ground" in text
-    assert "pelican/camera/front_left" not in text
+
+    def written(name: str, log: dict[str, bool | float]) -> str:
+        platform = msgspec.structs.replace(load_platform(name), log=log)
+        cameras = {name: model for name, model in platform.cameras.items() if isinstance(model, CameraModel)}
+        RunDescription(platform, "", cameras).write_layout(tmp_path, topics)
+        return (tmp_path / LAYOUT_FILE).read_text()
+
+    plain, chosen = written("pelican", {}), written("pelican", {"camera/ground": 2.0, "laser": True})
+    assert "pelican/obstacles" in plain
+    assert "camera/" not in plain
+    assert "pelican/laser" not in plain
+    assert "pelican/camera/ground" in chosen
+    assert "pelican/camera/front_left" not in chosen
+    assert "pelican/laser" in chosen
+    without = written("pelican_rtk", {"laser": True})
+    assert "pelican/pose" in without
+    assert "obstacles" not in without
+    assert "laser" not in without, "it has no scanner"

@@ -12,20 +12,21 @@ LAYOUT_FILE: Final = "foxglove-layout.json"
 MOST_PICTURES: Final = 4
 """Image panels, at most."""
 
-SEEN: Final = ("pose", "obstacles", "laser")
-"""Topics of the 3D panel, below the platform's name."""
+SCENE_TOPICS: Final = ("pose", "obstacles", "laser")
+"""Topics that the 3D panel can show, below the platform's name."""
 Element = dict[str, Any]
 
 
-def layout(platform: str, cameras: Sequence[str]) -> bytes:
+def layout(platform: str, cameras: Sequence[str], topics: Sequence[str]) -> bytes:
     """A layout, to be imported in Foxglove (Layouts, Import from file).
 
     Args:
         platform: the vehicle.
         cameras: names of the cameras whose pictures are recorded.
+        topics: those of `SCENE_TOPICS` that are recorded.
     """
     scene = {
-        "topics": {name: {"visible": True} for name in (SCENE, *(f"{platform}/{below}" for below in SEEN))},
+        "topics": {name: {"visible": True} for name in (SCENE, *(f"{platform}/{below}" for below in topics))},
         "followTf": body_frame(platform),
         "fixedFrame": MAP_FRAME,
         "followMode": "follow-position",

@@ -8,8 +8,8 @@ from typing import Final
 import msgspec
 
 from gloc3.errors import Refused
-from gloc3.mavlink.services.plan import PlanItem, units_per_degree
-from gloc3.mission.formats.commands import JUMP, WAYPOINT
+from gloc3.mavlink.services.plan import FRAME_MISSION, PlanItem, units_per_degree
+from gloc3.mission.formats.commands import COMMANDS, JUMP, WAYPOINT
 from gloc3.mission.formats.items import MavItem
 
 _INT_MAX: Final = 2**31 - 1
@@ -48,6 +48,8 @@ def mission_to_wire(
 ) -> tuple[PlanItem, ...]:
     """The items of a mission as an autopilot wants them.
 
+    PX4 takes what names no place in the frame for that alone; files of waypoints give such items a frame of places, too.
+
     Args:
         items: as in a file, whose jumps name them as if home were item 0.
         home: as in a file.
@@ -61,7 +63,7 @@ def mission_to_wire(
         x, y, z = home or (0.0, 0.0, 0.0)
         sent.insert(0, MavItem(command=WAYPOINT, frame=0, x=x, y=y, z=z))
     elif not has_home:
-        sent = [jump_moved(item, -1) for item in sent]
+        sent = [_in_its_frame(jump_moved(item, -1)) for item in sent]
     return tuple(to_wire(item, f"item {number}", is_current=number == 0) for number, item in enumerate(sent))
 
 
@@ -71,6 +73,13 @@ def jump_moved(item: MavItem, by: int) -> MavItem:
     if item.command != JUMP or target is None:
         return item
     return msgspec.structs.replace(item, params=(target + by, *item.params[1:]))
+
+
+def _in_its_frame(item: MavItem) -> MavItem:
+    known = COMMANDS.get(item.command)
+    if known is None or known.goes_to or (known.has_position and (item.x or item.y)):
+        return item
+    return msgspec.structs.replace(item, frame=FRAME_MISSION)
 
 
 def from_wire(item: PlanItem) -> MavItem:

@@ -5,7 +5,7 @@ from enum import IntEnum
 from math import isfinite, nan
 from typing import Final
 
-from gloc3.mavlink.services.plan import PlanResult
+from gloc3.mavlink.services.plan import FRAME_MISSION, PlanResult
 from gloc3.messages.frames import GeoPoint
 
 
@@ -184,6 +184,9 @@ ARDUPILOT_ONLY: Final = frozenset(
 )
 """Items that PX4's mission knows nothing of (its mission feasibility checker)."""
 
+PX4_WITH_PLACE: Final = POSITIONED | TAKE_OFFS | LANDINGS | {MissionCommand.SET_ROI, MissionCommand.SET_ROI_LOCATION}
+"""Items that PX4 takes in a frame of places; all others it takes in MAV_FRAME_MISSION alone."""
+
 VTOL_COMMANDS: Final = frozenset(
     {MissionCommand.VTOL_TAKE_OFF, MissionCommand.VTOL_LAND, MissionCommand.VTOL_TRANSITION}
 )
@@ -253,6 +256,8 @@ def check_mission_item(
         return PlanResult.UNSUPPORTED, f"command {item.command} is not supported"
     if item.command not in MISSION_COMMANDS and not (is_vtol and item.command in VTOL_COMMANDS):
         return PlanResult.UNSUPPORTED, f"command {item.command} is not supported"
+    if is_px4 and item.command not in PX4_WITH_PLACE and item.frame != FRAME_MISSION:
+        return PlanResult.UNSUPPORTED, f"command {item.command} is not supported in frame {item.frame}"
     if item.command in POSITIONED | TAKE_OFFS | LANDINGS:
         if item.frame not in _RELATIVE | _ABSOLUTE:
             return PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"

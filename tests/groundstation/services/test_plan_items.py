@@ -39,6 +39,19 @@ def test_a_file_of_waypoints_goes_to_either_firmware_with_its_home_and_jumps() -
     assert [item.is_current for item in px4] == [True, False, False]
 
 
+def test_what_names_no_place_goes_to_px4_in_the_frame_for_that() -> None:
+    rows = (
+        MavItem(command=22, frame=3, z=10.0),
+        MavItem(command=195, frame=3, x=47.1, y=8.5),
+        MavItem(command=189, frame=0),
+        MavItem(command=178, frame=3, params=(0.0, 2.0, 0.0, 0.0)),
+        MavItem(command=20, frame=3),
+    )
+    frames = {f: [item.frame for item in to_wire(plan_of(*rows), f).mission] for f in Firmware}
+    assert frames[Firmware.PX4] == [3, 3, 2, 2, 2]
+    assert frames[Firmware.ARDUPILOT] == [0, 3, 3, 0, 3, 3]
+
+
 @pytest.mark.parametrize("firmware", list(Firmware))
 def test_a_plan_comes_back_from_the_wire_as_it_went(firmware: Firmware) -> None:
     plan = plan_of(

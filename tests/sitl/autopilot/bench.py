@@ -8,8 +8,9 @@ from typing import Any
 from gloc3.mavlink.codec import Encoder, Parser, message
 from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.services.mission_client import MissionClient, Transfer
-from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
+from gloc3.mavlink.services.plan import FRAME_MISSION, PlanItem, PlanResult, PlanType
 from gloc3.messages.frames import TangentPlane, Vector3
+from gloc3.mission.formats.commands import COMMANDS
 from gloc3_sitl.autopilot.mavlink.links import LinkKind
 from gloc3_sitl.autopilot.modes import Result
 from gloc3_sitl.autopilot.pilot import Pilot
@@ -201,10 +202,11 @@ class Bench:
     def item(
         self, command: int, north_m: float = 0.0, east_m: float = 0.0, height_m: float = 3.0, **fields: Any
     ) -> PlanItem:
-        """A plan item at a place given from home, with its height over home."""
+        """A plan item at a place given from home, with its height over home; in MAV_FRAME_MISSION if its command has none."""
+        known = COMMANDS.get(command)
         place = TangentPlane(self.sim.world.home).geo_from_ned((north_m, east_m, 0.0))
         values = {
-            "frame": 6,
+            "frame": 6 if known is None or known.has_position else FRAME_MISSION,
             "param4": nan,
             "x": round(place.latitude_deg * 1e7),
             "y": round(place.longitude_deg * 1e7),

@@ -100,6 +100,13 @@ def test_a_mission_with_a_bad_item_is_refused_whole(style: str, fields: dict[str
 
 
 @STYLES
+def test_px4_takes_what_names_no_place_in_the_frame_for_that_alone(style: str) -> None:
+    bench = Bench(style)
+    items = with_home(bench, bench.item(TAKE_OFF), bench.item(RETURN, frame=3))
+    assert bench.upload(items) is (PlanResult.UNSUPPORTED if bench.is_px4 else PlanResult.ACCEPTED)
+
+
+@STYLES
 def test_a_mission_pauses_and_goes_on(style: str) -> None:
     bench = Bench(style)
     bench.set_parameter("MPC_XY_CRUISE" if bench.is_px4 else "WP_SPD", 3.0)

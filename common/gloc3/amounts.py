@@ -16,8 +16,8 @@ def beside(value: float, limit: float, digits: int = 1) -> str:
     """
     for more in range(digits, MOST_DIGITS):
         if value == limit or round(value, more) != round(limit, more):
-            return f"{value:.{more}f}"
-    return f"{value:.{MOST_DIGITS}f}"
+            return f"{value:z.{more}f}"
+    return f"{value:z.{MOST_DIGITS}f}"
 
 
 def excess(by: float, digits: int = 1, *, is_enough: bool = False) -> str:

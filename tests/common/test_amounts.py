@@ -14,6 +14,7 @@ def test_a_value_has_the_digits_that_tell_it_from_its_limit() -> None:
     assert beside(29.9996, 30.0) == "29.9996"
     assert beside(30.0, 30.0) == "30.0"
     assert beside(29.6, 30.0, 0) == "29.6"
+    assert beside(-0.001, 0.3) == "0.0"
 
 
 def test_an_excess_is_never_nothing_and_as_advice_enough() -> None:

@@ -88,4 +88,6 @@ def test_a_plan_that_is_flown_as_it_is_is_judged_by_its_home_too() -> None:
         return found(text, None)
 
     assert judged("47.0 8.0") == []
-    assert "from the place before it: latitude and longitude seem to be swapped" in judged("8.0 47.0")[0].message
+    message = judged("8.0 47.0")[0].message
+    assert message.startswith("item 2, NAV_WAYPOINT, line 4 of f.waypoints, is ")
+    assert "from the place before it: latitude and longitude seem to be swapped" in message

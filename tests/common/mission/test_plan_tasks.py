@@ -80,6 +80,21 @@ def test_what_is_too_high_names_the_item_and_its_line() -> None:
     )
 
 
+def test_a_return_that_takes_too_much_names_the_item_where_it_would_begin() -> None:
+    far = PLAN.replace("47.0002 8.0002 25", "47.02 8.0002 25")
+    found = [one for one in told(checked(carried(far)).findings) if "the return from" in one]
+    assert "the farthest place, item 4, NAV_SPLINE_WAYPOINT, line 6 of field.waypoints, takes" in found[0]
+
+
+def test_a_plan_that_is_a_fence_alone_says_so() -> None:
+    fence = "QGC WPL 110\n0 1 0 16 0 0 0 0 47.0 8.0 488 1\n" + "".join(
+        f"{number} 0 0 5001 3 0 0 0 {place} 0 1\n"
+        for number, place in enumerate(("47.0 8.0", "47.001 8.0", "47.001 8.001"), start=1)
+    )
+    found = told(checked(carried(fence)).findings)
+    assert any("field.waypoints has no mission items, only a fence" in one for one in found)
+
+
 def test_an_order_says_with_which_line_it_begins() -> None:
     assert order_of(carried()).begins_with.startswith("item 1, NAV_")
     assert ", line " in order_of(carried()).begins_with

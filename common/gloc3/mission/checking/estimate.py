@@ -57,6 +57,8 @@ class MissionEstimate(MissionFigures):
     """Where the vehicle is at the end."""
     return_wh: float
     """Energy to return home and land from the place where that takes most."""
+    return_from: tuple[str, FlightLeg] | None = None
+    """The action and the leg that lead to that place; None where it is the start."""
     least: "MissionEstimate | None" = None
     """Where every guard that may have something skipped does so, and every loop that may end early does so after its
     first time; None where there is none. What guards wait for is not in any figure."""
@@ -105,19 +107,19 @@ class _Planner:
         self._mission, self._budget, self._power, self._is_least = mission, budget, power, is_least
         self.actions: Final = mission.actions()
         self.found: Final[dict[str, ActionEstimate]] = {}
-        self.here = start_ned_m
-        self.places: Final = [start_ned_m]
-        """Where the vehicle comes to."""
+        self.here = self.start_ned_m = start_ned_m
+        self.has_moved = False
         self.hover_wh = 0.0
         """For the time in which nothing moves it."""
         self._moved_until_s = 0.0
 
     def run(self, order: PartialOrder) -> MissionEstimate:
         """Estimates all actions in order, and their total."""
-        budget, power, found = self._budget, self._power, self.found
+        power, found = self._power, self.found
         for target in order.targets:
             if target in self.actions:
                 self._add(target)
+        return_wh, return_from = self._hardest_return()
         _end_companions(self._mission, found)
         _add_devices(self._mission, found)
         energy_wh = self.hover_wh + sum(part.energy_wh for part in found.values())
@@ -128,8 +130,21 @@ class _Planner:
             length_m=sum(part.length_m for part in found.values()),
             end_ned_m=self.here,
             battery_share=energy_wh / power.battery_wh if power is not None else 0.0,
-            return_wh=0.0 if power is None else max(return_energy_wh(place, budget, power) for place in self.places),
+            return_wh=return_wh,
+            return_from=return_from,
         )
+
+    def _hardest_return(self) -> tuple[float, tuple[str, FlightLeg] | None]:
+        """The energy of the return that takes most, and what leads to its beginning."""
+        if self._power is None:
+            return 0.0, None
+        most_wh, begin = return_energy_wh(self.start_ned_m, self._budget, self._power), None
+        for target, part in self.found.items():
+            for leg in part.legs:
+                needed_wh = return_energy_wh(leg.end, self._budget, self._power)
+                if needed_wh > most_wh:
+                    most_wh, begin = needed_wh, (target, leg)
+        return most_wh, begin
 
     def _add(self, target: str) -> None:
         """One action; the last of a task that is repeated brings the further times."""
@@ -158,13 +173,13 @@ class _Planner:
             legs = action.order.legs(self.here, budget)
             flown_s = sum(leg.duration_s for leg in legs)
             end_s = start_s + max(flown_s, needed_s)
-            if len(self.places) > 1 and power is not None:
+            if self.has_moved and power is not None:
                 idle_s = max(0.0, start_s - self._moved_until_s)
                 self.hover_wh += (power.hover_w + power.avionics_w) * idle_s / 3600.0
             if power is not None:
                 self.hover_wh += (power.hover_w + power.avionics_w) * (end_s - start_s - flown_s) / 3600.0
             self.here = legs[-1].end if legs else self.here
-            self.places.extend(leg.end for leg in legs)
+            self.has_moved = self.has_moved or bool(legs)
             self._moved_until_s = max(self._moved_until_s, end_s)
         energy_wh = sum(leg.energy_wh(power) for leg in legs) if power is not None else 0.0
         is_endless = action.order.is_endless and action.options.until is None and action.options.deadline_s is None
@@ -210,13 +225,15 @@ def together(parts: Sequence[MissionEstimate]) -> MissionEstimate | None:
 
 
 def _together(parts: Sequence[MissionEstimate]) -> MissionEstimate:
+    hardest = max(parts, key=lambda part: part.return_wh)
     return MissionEstimate(
         actions={target: figures for part in parts for target, figures in part.actions.items()},
         duration_s=max(part.duration_s for part in parts),
         energy_wh=sum(part.energy_wh for part in parts),
         length_m=sum(part.length_m for part in parts),
         end_ned_m=parts[0].end_ned_m,
-        return_wh=max(part.return_wh for part in parts),
+        return_wh=hardest.return_wh,
+        return_from=hardest.return_from,
     )
 
 

@@ -76,30 +76,34 @@ def place_findings(mission: Mission, home: GeoPoint | None) -> Iterator[Finding]
         return
     before, called = ((home.latitude_deg, home.longitude_deg), "home") if home is not None else (None, "")
     is_first = home is not None
-    for where, place in _places(mission):
+    for where, place, name in _places(mission):
         doubt = place_doubt(place, before, called) if before is not None else None
         if doubt is not None and (doubt.is_certain or is_first):
-            message = f"[{place[0]:g}, {place[1]:g}] {doubt.text}"
+            message = f"{name} {doubt.text}"
             yield document.finding(where, message, doubt.hint, is_warning=not doubt.is_certain)
             if doubt.is_certain:
                 return  # the others are no better
         before, called, is_first = place, "the place before it", False
 
 
-def _places(mission: Mission) -> Iterator[tuple[Where, LatLon]]:
+def _places(mission: Mission) -> Iterator[tuple[Where, LatLon, str]]:
+    """Where each place stands in the mission, the place, and its name for people."""
     for target, action in mission.actions().items():
         if isinstance(action.order, FlyFileOrder):
-            yield from (((*where_of(target)[:2], "plan"), place) for place in action.order.places())
+            where = (*where_of(target)[:2], "plan")
+            if action.order.home is not None and any(action.order.home[:2]):
+                yield where, action.order.home[:2], "its planned home"
+            yield from ((where, one.lat_lon, f"{one.name},") for one in action.order.path if one.lat_lon is not None)
             continue
         where = (*where_of(target), action.capability)
         for name in _POSITIONS:
             places = getattr(action.arguments, name, None) or ()
             for index, place in enumerate(() if isinstance(places, str) else places):  # `to` of a transition is a word
-                yield (*where, name, index), (place[0], place[1])
+                yield (*where, name, index), (place[0], place[1]), f"[{place[0]:g}, {place[1]:g}]"
         for name in ("position", "at"):
             place = getattr(action.arguments, name, None)
             if place is not None:
-                yield (*where, name), (place[0], place[1])
+                yield (*where, name), (place[0], place[1]), f"[{place[0]:g}, {place[1]:g}]"
 
 
 def plan_place_findings(plan: ForeignPlan, file: str) -> Iterator[Finding]:

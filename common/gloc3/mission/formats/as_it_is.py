@@ -49,6 +49,8 @@ class PlanPlace(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     position_ned_m: Vector3 | None = None
     """None for home."""
+    lat_lon: tuple[float, float] | None = None
+    """As written, degrees; None for home, and where it stays at the place before."""
     name: str
     """For people, as `item 3, NAV_WAYPOINT, line 5 of field.waypoints`."""
     stay_s: float = 0.0
@@ -84,15 +86,6 @@ class FlyFileOrder(Arguments, frozen=True, kw_only=True):
         if self.home is not None and any(self.home[:2]):
             return GeoPoint(*self.home)
         return next((GeoPoint(item.x or 0.0, item.y or 0.0, 0.0) for item in self.items if item.has_position), None)
-
-    def places(self) -> Iterator[tuple[float, float]]:
-        """Latitude and longitude of the planned home and of all items that go somewhere, as written."""
-        if self.home is not None and any(self.home[:2]):
-            yield self.home[:2]
-        for item in self.items:
-            command = COMMANDS.get(item.command)
-            if command is not None and command.goes_to and item.has_position:
-                yield item.x or 0.0, item.y or 0.0
 
     @property
     def follows_ground(self) -> bool:
@@ -211,7 +204,8 @@ class _Steps:
                 there = placements[above].ned_from((*place, 0.0 if self._vehicle.is_level else item.z or 0.0))
                 is_level = item.command in _LANDINGS and last is not None  # it comes down afterwards
                 last = (there[0], there[1], last[2]) if is_level and last is not None else there
-                yield PlanPlace(position_ned_m=last, name=name, stay_s=stay_s, speed_m_s=speed_m_s)
+                written = (item.x or 0.0, item.y or 0.0) if item.has_position else None
+                yield PlanPlace(position_ned_m=last, lat_lon=written, name=name, stay_s=stay_s, speed_m_s=speed_m_s)
             elif stay_s and last is not None:
                 yield PlanPlace(position_ned_m=last, name=name, stay_s=stay_s, speed_m_s=speed_m_s)
 

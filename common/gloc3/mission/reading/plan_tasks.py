@@ -42,8 +42,14 @@ def plans_in(document: Document, findings: list[Finding]) -> Plans:
         else:
             findings += found[name].findings
             if not found[name].items:
-                findings.append(document.finding(where, f"{file} has no mission items", "choose a file with a mission"))
+                message = f"{file} has no mission items{_parts(found[name])}"
+                findings.append(document.finding(where, message, "choose a file with a mission"))
     return found
+
+
+def _parts(plan: ForeignPlan) -> str:
+    parts = [name for name, one in (("a fence", plan.fence), ("rally points", plan.rally)) if one]
+    return f", only {' and '.join(parts)}" if parts else ""
 
 
 def _plan_nodes(document: Document) -> Iterator[tuple[Where, str, YamlNode]]:

@@ -93,6 +93,7 @@ BOAT: Final = ClassProperties(
     behaviour=_LED._replace(vehicle=VehicleClass.BOAT, at_rest_s=3.0),
     form=Form.VELOCITY,
     reports_landed=False,
+    hold_unplaced=4,
     timeout_s=_TIMEOUT_S,
     why_no_take_off=_NO_CLIMB.format("boat", "drive_off"),
 )
@@ -181,6 +182,10 @@ CLASSES: Final[Mapping[VehicleClass, ClassProperties]] = {
 _CUSTOM_MODE_ENABLED: Final = 1.0
 
 
+def _mode_command(number: int) -> MavCommand:
+    return MavCommand(SET_MODE, (_CUSTOM_MODE_ENABLED, float(number), 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
 class ArduPilot:
     """The ArduPilot family.
 
@@ -217,7 +222,8 @@ class ArduPilot:
             number = on_rotors
         if number is None:
             return CommandAnswer(False, f"a {self.class_properties.vehicle} has no mode for {mode}")
-        return MavCommand(SET_MODE, (_CUSTOM_MODE_ENABLED, float(number), 0.0, 0.0, 0.0, 0.0, 0.0))
+        other = self.class_properties.hold_unplaced if mode is FlightMode.HOLD else None
+        return _mode_command(number)._replace(instead=None if other is None else _mode_command(other))
 
     def take_off_command(self, height_m: float, ground_altitude_m: float) -> MavCommand | CommandAnswer:
         """Take-off by height above home; planes take off in a mode, to a height set in parameters."""

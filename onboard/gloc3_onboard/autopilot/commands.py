@@ -108,8 +108,10 @@ class CommandDesk:
                 self._call(ticket, sent._replace(sent_s=now_s), now_s)
 
     def _call(self, ticket: int, sent: _Sent, now_s: float) -> None:
-        number, parameters, is_repeatable = sent.command
-        call = self._client.send_long(sent.target, number, parameters, now_s=now_s, is_repeatable=is_repeatable)
+        command = sent.command
+        call = self._client.send_long(
+            sent.target, command.number, command.parameters, now_s=now_s, is_repeatable=command.is_repeatable
+        )
         self._calls[ticket] = (call, sent)
 
     def abandon(self, reason: str) -> None:
@@ -134,6 +136,8 @@ class CommandDesk:
             del self._calls[ticket]
             if call.result is CommandResult.ACCEPTED:
                 self.put(ticket, CommandAnswer(True, ""))
+            elif sent.command.instead is not None:
+                self._call(ticket, sent._replace(command=sent.command.instead), now_s)
             elif call.result in PASSING and now_s + AGAIN_S <= sent.until_s:
                 self._again[ticket] = (now_s + AGAIN_S, sent)
             else:

@@ -45,6 +45,8 @@ class ClassProperties:
     """Whether EXTENDED_SYS_STATE reports landed or in air; otherwise an armed vehicle counts as under way."""
     hold_on_rotors: int | None = None
     """The `custom_mode` that is asked for to hold on rotors, where it is another than on wings."""
+    hold_unplaced: int | None = None
+    """The `custom_mode` that stops the vehicle where its hold is refused, as without a position."""
     timeout_s: float
     """Time after the last setpoint at which the autopilot acts on its own, s."""
     why_no_take_off: str = field(default="")
@@ -72,6 +74,8 @@ class MavCommand(NamedTuple):
     parameters: tuple[float, float, float, float, float, float, float]
     is_repeatable: bool = True
     """Whether it may be sent again if its answer stays away."""
+    instead: "MavCommand | None" = None
+    """Sent where the autopilot refuses this one."""
 
 
 class MessageStream(NamedTuple):

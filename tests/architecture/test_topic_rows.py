@@ -37,6 +37,7 @@ FROM_ELSEWHERE: Final = {
     "dvl": "the Doppler velocity log of a platform that dives",
     "satellites": "the receiver of a platform that dives or drives",
     "wheels": "the encoders of a platform that drives",
+    "estimator_pose": "the estimator of a platform that has one of another maker",
     "obstacles": "the range scanner of a platform that has one",
 }
 

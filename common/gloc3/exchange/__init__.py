@@ -5,4 +5,15 @@ Components see none of this: hosts publish and subscribe through `base`; `mavlin
 
 from gloc3.exchange.base import Exchange, LocalExchange, Publisher, request
 
-__all__ = ["Exchange", "LocalExchange", "Publisher", "acoustic", "base", "mavlink", "request", "zenoh", "zenoh_session"]
+__all__ = [
+    "Exchange",
+    "LocalExchange",
+    "Publisher",
+    "acoustic",
+    "base",
+    "foreign",
+    "mavlink",
+    "request",
+    "zenoh",
+    "zenoh_session",
+]

@@ -79,6 +79,23 @@ class Odometry(Message, frozen=True):
     """By how many times the variances of these add up faster from reference to reference than if they were independent."""
 
 
+class EstimatorPose(Message, frozen=True):
+    """Pose of an estimator that is not ours, in axes of its own: z points down, and where x points nobody knows."""
+
+    position_m: Vector3 = (0.0, 0.0, 0.0)
+    """Of the estimator's own body: where the origin of its camera or inertial unit is."""
+    world_from_body: Quaternion = IDENTITY
+    """Attitude of that body, whose axes are forward, right and down."""
+    covariance: list[float] = []
+    """6 by 6, rows first: position in the estimator's axes (m2), then rotation vector (rad2); empty where not claimed."""
+    reset_counter: int = 0
+    """It has restarted, or jumped, when this changes."""
+    is_valid: bool = True
+    reason: str = ""
+    quality: float = 1.0
+    """0 to 1."""
+
+
 class PositionFix(Message, frozen=True):
     """Position of a point on the body, measured from outside."""
 

@@ -11,6 +11,7 @@ from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.neighbours import Neighbours, SeparationState
 from gloc3.messages.perception import (
     BottomVelocity,
+    EstimatorPose,
     Features,
     FusionState,
     ImuSample,
@@ -71,6 +72,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     "dvl": TopicRow(BottomVelocity, 8.0),
     "wheels": TopicRow(WheelDistances, 10.0),
+    "estimator_pose": TopicRow(EstimatorPose, 30.0),
     "satellites": TopicRow(SatelliteFix, 5.0),
     # processors
     "features/*": TopicRow(Features, 15.0, is_logged=False),

@@ -7,7 +7,7 @@ from gloc3.camera.model import CameraModel
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, Vector3
-from gloc3.messages.perception import BottomVelocity, ImuSample, LaserScan, SatelliteFix, WheelDistances
+from gloc3.messages.perception import BottomVelocity, EstimatorPose, ImuSample, LaserScan, SatelliteFix, WheelDistances
 from gloc3.messages.vehicle import (
     AutopilotPose,
     AutopilotState,
@@ -66,6 +66,13 @@ class StampedBottomVelocity(NamedTuple):
 
     t_s: float
     bottom: BottomVelocity
+
+
+class StampedEstimatorPose(NamedTuple):
+    """A pose of another estimator with its time of validity."""
+
+    t_s: float
+    pose: EstimatorPose
 
 
 class StampedWheels(NamedTuple):
@@ -218,6 +225,13 @@ class Probe(SensorSource, Protocol):
 
     def reading(self) -> StampedReading | None:
         """The latest reading; None before the first."""
+
+
+class Estimator(SensorSource, Protocol):
+    """An estimator that is not ours: visual-inertial or lidar odometry in another program or device."""
+
+    def estimated_pose(self) -> StampedEstimatorPose | None:
+        """The latest pose; None before the first."""
 
 
 class Wheels(Protocol):

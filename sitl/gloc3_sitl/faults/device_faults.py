@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
-from gloc3.messages.perception import BottomVelocity, LaserScan
+from gloc3.messages.perception import BottomVelocity, EstimatorPose, LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_sitl.physics.truth import Truth
 
@@ -54,6 +54,13 @@ class FaultyReading(NamedTuple):
     value: float
 
 
+class Estimated(NamedTuple):
+    """A pose of another estimator with its time, as its sampler reads it."""
+
+    t_s: float
+    pose: EstimatorPose
+
+
 class DeviceFault(NamedTuple):
     """A fault of a device."""
 
@@ -63,7 +70,7 @@ class DeviceFault(NamedTuple):
     """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
 
 
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading, Estimated)
 
 ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
 """In this order: no data; repeated data with new times; late data; late data with new times; measured motion too long
@@ -121,6 +128,8 @@ def corrupted(used: T, fault: DeviceFault | None) -> T:
     if isinstance(used, FaultyReading):
         factor = 1.0 + size_of(fault) if fault is not None and fault.word == "scaled" else 1.0
         return used._replace(value=used.value * factor)
+    if isinstance(used, Estimated):
+        return used
     if isinstance(used, Bottom):
         return used._replace(bottom=_corrupted_bottom(used.bottom, fault))
     if fault is None or (fault.word in ALL and not (isinstance(used, FaultyScan) and fault.word == "scaled")):

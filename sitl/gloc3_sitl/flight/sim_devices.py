@@ -9,6 +9,7 @@ from gloc3.messages.vehicle import Image
 from gloc3_sitl.faults.device_faults import (
     Bottom,
     DeviceFault,
+    Estimated,
     FaultyFrame,
     FaultyReading,
     FaultyScan,
@@ -21,6 +22,7 @@ from gloc3_sitl.faults.device_faults import (
 )
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors.dvl import DvlModel
+from gloc3_sitl.sensors.estimator import EstimatorModel
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.field_probe import FieldProbe
@@ -28,7 +30,7 @@ from gloc3_sitl.world.laser import LaserModel, LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading, Estimated)
 
 _KEPT: Final = 64
 """How many instants a trigger remembers, for devices that are late."""
@@ -218,6 +220,22 @@ class SimProbe(_Device[FaultyReading]):
     def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
         """Readings of a scaled probe are too high; its position is right."""
         return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
+
+
+class SimEstimator(_Device[Estimated]):
+    """An estimator of another maker."""
+
+    def __init__(self, trigger: CaptureTrigger, seed: int) -> None:
+        super().__init__(trigger)
+        self.model: Final = EstimatorModel(seed)
+        """What it reckons with."""
+
+    def estimated_pose(self) -> Estimated | None:
+        """The latest pose; None before the first."""
+        return self._newest()
+
+    def _capture(self, truth: Truth) -> Estimated:
+        return Estimated(truth.t_s, self.model.measure(truth))
 
 
 class NoDevice:

@@ -10,22 +10,23 @@ from gloc3_sitl.flight.sim_devices import (
     NoDevice,
     SimCamera,
     SimDvl,
+    SimEstimator,
     SimLaser,
     SimProbe,
     SimStereoCamera,
 )
 from gloc3_sitl.physics.truth import Truth
-from gloc3_sitl.sensors.dvl import RATE_HZ
+from gloc3_sitl.sensors import dvl, estimator
 from gloc3_sitl.world import World, field_probe, rig
 from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.tracker import TrackerCamera
 
-SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser", "dvl")
+SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser", "dvl", "estimator")
 """Names of the devices that every vehicle has, as platforms call them."""
 PROBE: Final = "_probe"
 """End of the names of probes: `co2_probe` measures the field `co2` of the world."""
 
-SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | SimProbe | NoDevice
+SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | SimProbe | SimEstimator | NoDevice
 
 
 class SimRig:
@@ -54,7 +55,8 @@ class SimRig:
             "stereo_camera": SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz)),
             "tracker_camera": NoDevice(),
             "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
-            "dvl": SimDvl(trigger(RATE_HZ), seed),
+            "dvl": SimDvl(trigger(dvl.RATE_HZ), seed),
+            "estimator": SimEstimator(trigger(estimator.RATE_HZ), seed),
         }
         """By name, all of `SIM_DEVICES`, and a probe for each field of the world."""
         for field in world.file.fields:

@@ -10,6 +10,7 @@ __all__ = [
     "compass",
     "depth",
     "dvl",
+    "estimator",
     "fix",
     "imu",
     "magnetic_field",

@@ -1,7 +1,7 @@
 """Targets of sensors: what comes over a line, the URLs that name them, and calibration files."""
 
 from contextlib import suppress
-from math import isfinite
+from math import hypot, isfinite
 from typing import Final
 
 import numpy as np
@@ -10,12 +10,13 @@ from tests.fuzz.target import as_file, fuzz_target, pieces, refuses
 from gloc3_onboard.calibration.reader import read_calibration
 from gloc3_onboard.sensors.registry import parse_source, source_kinds
 from gloc3_onboard.sensors.sources.doppler import A50Decoder, Pd6Decoder
+from gloc3_onboard.sensors.sources.estimator_wire import JsonDecoder, OdometryDecoder
 from gloc3_onboard.sensors.sources.laser import mounted_scan
 from gloc3_onboard.sensors.sources.probe import LineDecoder
 from gloc3_onboard.sensors.sources.rplidar import scan_of
 from gloc3_onboard.sensors.sources.scip import ScipError, ScipReader, measure, parameters_of, turn_of
 
-DEVICES: Final = ("ground_camera", "laser", "imu", "stereo_camera", "dvl", "height", "co2_probe", "x")
+DEVICES: Final = ("ground_camera", "laser", "imu", "stereo_camera", "dvl", "estimator", "height", "co2_probe", "x")
 SCHEMES: Final = tuple(sorted(source_kinds()))
 
 
@@ -54,6 +55,18 @@ def probe_line(data: bytes) -> None:
         for piece in pieces(data, 53):
             assert all(map(isfinite, decoder.receive(piece)))
         assert decoder.unread <= data.count(b"\n")
+
+
+@fuzz_target("gloc3_onboard.sensors.sources.estimator_wire")
+def estimator_poses(data: bytes) -> None:
+    """Datagrams of an estimator are poses of finite numbers whose attitude is a rotation, or are counted as damaged."""
+    for decoder in (JsonDecoder(), OdometryDecoder()):
+        for report in decoder.receive(data):
+            pose = report.pose
+            assert all(map(isfinite, (*pose.position_m, *pose.covariance)))
+            assert abs(hypot(*pose.world_from_body) - 1.0) < 1e-6
+            assert 0.0 <= pose.quality <= 1.0
+            assert report.stamp_s is None or isfinite(report.stamp_s)
 
 
 @fuzz_target("gloc3_onboard.sensors.sources.rplidar", "gloc3_onboard.sensors.sources.laser")

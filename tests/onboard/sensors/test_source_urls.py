@@ -37,6 +37,7 @@ DEVICE_OF = {
     "height": "sonar_height",
     "dvl": "dvl",
     "probe": "co2_probe",
+    "estimator": "front_estimator",
 }
 
 

@@ -8,11 +8,12 @@ SOURCES := common onboard groundstation sitl tests
 MISSION ?= inspection
 NAME ?=
 SECONDS ?= 60
+KEY ?=
 
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit check bench fuzz evidence schema docs site lock clean
+.PHONY: demo test unit check bench fuzz evidence schema docs site lock release clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
@@ -55,6 +56,9 @@ lock:  ## after a change of the dependencies: new hashes
 	    --python-version 3.11 --no-header --no-annotate -o requirements.txt
 	$(BIN)/uv pip compile -q --group fuzz --generate-hashes --universal \
 	    --python-version 3.11 --no-header --no-annotate -o requirements-fuzz.txt
+
+release: $(READY)  ## all that is published of a version, in dist/; KEY=FILE signs it with a private key of OpenSSH
+	$(BIN)/python -m tests.release $(if $(KEY),--key "$(KEY)")
 
 clean:
 	rm -rf .venv runs site

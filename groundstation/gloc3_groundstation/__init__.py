@@ -3,4 +3,4 @@
 `assembly` builds a station from links, clock and storage, in wall time and in virtual time.
 """
 
-__all__ = ["assembly", "plug_ins"]
+__all__ = ["api", "assembly", "plug_ins"]

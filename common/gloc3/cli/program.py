@@ -32,6 +32,7 @@ SUMMARIES: Final = {
     "network": "Make the network of platforms and stations: members, certificates, roles.",
     "signing": "Make the key of signed MAVLink links, and give it to an autopilot.",
     "station": "Run the ground station: the terminal, --web for a browser, --headless for scripts.",
+    "ros2": "Show vehicles to ROS 2, and let it command their missions; without a ROS installation.",
     "fly": "Fly a mission in simulation: everything in one process, in virtual time.",
     "prove": "Look for a flight that goes wrong: faults at any moment, judged by what must hold.",
     "demo": "Fly a mission with three real processes on this machine.",
@@ -49,12 +50,13 @@ EXTRAS: Final = {
     "foxglove": "groundstation",
     "jsbsim": "sitl",
     "matplotlib": "logs",
-    "mcap_ros2": "logs",
+    "mcap_ros2": "ros2",
     "mavsdk": "groundstation",
     "pyarrow": "logs",
     "pyulog": "logs",
     "textual": "groundstation",
     "textual_serve": "groundstation",
+    "xxhash": "ros2",
 }
 """Libraries that only some of the installs have, and the extra that brings each."""
 

@@ -1,4 +1,4 @@
-"""ROS 2 message definitions of what GLOC3 writes, as in Humble and later: the text of the packages' `.msg` files."""
+"""ROS 2 definitions of what GLOC3 sends and receives: the text of the packages' `.msg` and `.srv` files, as of Iron."""
 
 import re
 from typing import Final
@@ -72,6 +72,45 @@ float64 x
 float64 y
 float64 z
 
+MSG: lifecycle_msgs/ChangeState_Request
+lifecycle_msgs/Transition transition
+
+MSG: lifecycle_msgs/ChangeState_Response
+bool success
+
+MSG: lifecycle_msgs/GetState_Request
+
+MSG: lifecycle_msgs/GetState_Response
+lifecycle_msgs/State current_state
+
+MSG: lifecycle_msgs/State
+uint8 PRIMARY_STATE_UNKNOWN=0
+uint8 PRIMARY_STATE_UNCONFIGURED=1
+uint8 PRIMARY_STATE_INACTIVE=2
+uint8 PRIMARY_STATE_ACTIVE=3
+uint8 PRIMARY_STATE_FINALIZED=4
+uint8 TRANSITION_STATE_CONFIGURING=10
+uint8 TRANSITION_STATE_CLEANINGUP=11
+uint8 TRANSITION_STATE_SHUTTINGDOWN=12
+uint8 TRANSITION_STATE_ACTIVATING=13
+uint8 TRANSITION_STATE_DEACTIVATING=14
+uint8 TRANSITION_STATE_ERRORPROCESSING=15
+uint8 id
+string label
+
+MSG: lifecycle_msgs/Transition
+uint8 TRANSITION_CREATE=0
+uint8 TRANSITION_CONFIGURE=1
+uint8 TRANSITION_CLEANUP=2
+uint8 TRANSITION_ACTIVATE=3
+uint8 TRANSITION_DEACTIVATE=4
+uint8 TRANSITION_UNCONFIGURED_SHUTDOWN=5
+uint8 TRANSITION_INACTIVE_SHUTDOWN=6
+uint8 TRANSITION_ACTIVE_SHUTDOWN=7
+uint8 TRANSITION_DESTROY=8
+uint8 id
+string label
+
 MSG: nav_msgs/Odometry
 std_msgs/Header header
 string child_frame_id
@@ -134,6 +173,11 @@ float32[] cell_voltage
 float32[] cell_temperature
 string location
 string serial_number
+
+MSG: sensor_msgs/CompressedImage
+std_msgs/Header header
+string format
+uint8[] data
 
 MSG: sensor_msgs/Image
 std_msgs/Header header
@@ -199,10 +243,30 @@ float32 field_of_view
 float32 min_range
 float32 max_range
 float32 range
+float32 variance
+
+MSG: service_msgs/ServiceEventInfo
+uint8 REQUEST_SENT=0
+uint8 REQUEST_RECEIVED=1
+uint8 RESPONSE_SENT=2
+uint8 RESPONSE_RECEIVED=3
+uint8 event_type
+builtin_interfaces/Time stamp
+char[16] client_gid
+int64 sequence_number
 
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
 string frame_id
+
+MSG: std_msgs/String
+string data
+
+MSG: std_srvs/Trigger_Request
+
+MSG: std_srvs/Trigger_Response
+bool success
+string message
 
 MSG: tf2_msgs/TFMessage
 geometry_msgs/TransformStamped[] transforms
@@ -219,7 +283,7 @@ def definition(kind: str) -> str:
     """The definition of a type with those that it contains, in the form of a bag: `rosbag2` reads it without ROS."""
     kinds = [kind]
     for one in kinds:
-        for line in DEFINITIONS[one].splitlines():
+        for line in filter(None, DEFINITIONS[one].splitlines()):
             inner = re.sub(r"\[\d*\]$", "", line.split()[0])
             if inner in DEFINITIONS and inner not in kinds:
                 kinds.append(inner)

@@ -9,6 +9,7 @@ from gloc3.messages.envelope import ComponentStatus, Envelope, Event, Severity
 from gloc3.messages.frames import ENU_FROM_NED, IDENTITY, Quaternion, Vector3, multiply, normalize, rotate_back
 from gloc3.messages.perception import ImuSample, LaserScan, SatelliteFix
 from gloc3.messages.vehicle import AutopilotState, HeightAboveGround, Image, Pose
+from gloc3.messages.watch import Preview
 
 MAP: Final = "map"
 BODY: Final = "base_link"
@@ -16,6 +17,9 @@ FRD_FROM_FLU: Final[Quaternion] = (0.0, 1.0, 0.0, 0.0)
 UNKNOWN: Final = float("nan")
 NOT_MEASURED: Final = -1.0
 """First element of a covariance: there is no such estimate (sensor_msgs/Imu)."""
+
+OK, WARN, ERROR, STALE = range(4)
+"""Levels of `diagnostic_msgs/DiagnosticStatus`."""
 
 RosMessage = dict[str, Any]
 
@@ -39,6 +43,22 @@ def ros_records(envelope: Envelope[Any], utc_offset_ns: int) -> Iterator[RosReco
     convert = _CONVERTERS.get(type(envelope.payload))
     if convert is not None and getattr(envelope.payload, "is_valid", True):
         yield from convert(envelope, stamp(round(envelope.t_s * 1e9) + utc_offset_ns))
+
+
+def announced(platform: str, topic: str, message: str) -> tuple[tuple[str, str], ...]:
+    """Topics of ROS, each with its type, that a topic of ours becomes; none for a type without a counterpart.
+
+    Args:
+        platform: its name.
+        topic: below the platform's name.
+        message: name of the message's type, such as `Pose`.
+    """
+    kind = _TYPES.get(message)
+    if kind is None:
+        return ()
+    end = _ENDS.get(message, topic)
+    moved = (("/tf", "tf2_msgs/TFMessage"),) if (topic, message) == ("pose", "Pose") else ()
+    return ((f"/{platform}/{end.format(topic=topic)}", kind), *moved)
 
 
 def stamp(utc_ns: int) -> RosMessage:
@@ -178,6 +198,13 @@ def _image(envelope: Envelope[Image], time: RosMessage) -> Iterator[RosRecord]:
     yield RosRecord(f"/{envelope.topic}", "sensor_msgs/Image", message)
 
 
+def _preview(envelope: Envelope[Preview], time: RosMessage) -> Iterator[RosRecord]:
+    preview = envelope.payload
+    message = {"header": header(time, preview.camera), "format": "webp", "data": preview.data}
+    if preview.data:
+        yield RosRecord(f"/{envelope.topic}/compressed", "sensor_msgs/CompressedImage", message)
+
+
 def _fix(envelope: Envelope[SatelliteFix], time: RosMessage) -> Iterator[RosRecord]:
     fix = envelope.payload
     latitude, longitude, altitude = fix.place_geo
@@ -201,6 +228,7 @@ def _height(envelope: Envelope[HeightAboveGround], time: RosMessage) -> Iterator
         "min_range": 0.0,
         "max_range": float("inf"),
         "range": envelope.payload.height_m,
+        "variance": 0.0,  # not known
     }
     yield RosRecord(f"/{envelope.topic}", "sensor_msgs/Range", message)
 
@@ -228,18 +256,40 @@ def _battery(envelope: Envelope[AutopilotState], time: RosMessage) -> Iterator[R
     yield RosRecord(f"/{envelope.source.platform}/battery", "sensor_msgs/BatteryState", message)
 
 
-def _diagnostics(envelope: Envelope[ComponentStatus], time: RosMessage) -> Iterator[RosRecord]:
-    status = envelope.payload
-    level = 3 if status.state is None else 2 if status.state is State.FAULTY else 0
-    values = {"rate_hz": status.rate_hz, "errors": status.errors, "overruns": status.overruns, **status.values}
-    one = {
+def diagnostics(statuses: Sequence[RosMessage], time: RosMessage) -> RosRecord:
+    """A report for `/diagnostics`."""
+    message = {"header": header(time, ""), "status": list(statuses)}
+    return RosRecord("/diagnostics", "diagnostic_msgs/DiagnosticArray", message)
+
+
+def diagnostic_status(
+    platform: str, component: str, level: int, state: str, cause: str, values: Mapping[str, float]
+) -> RosMessage:
+    """A component's `diagnostic_msgs/DiagnosticStatus`.
+
+    Args:
+        platform: its platform.
+        component: its name.
+        level: `OK`, `WARN`, `ERROR` or `STALE`.
+        state: in a word.
+        cause: of its last error; empty without one.
+        values: further ones, by name.
+    """
+    return {
         "level": level,
-        "name": f"{envelope.source.platform}: {status.name}",
-        "message": str(status.state or "absent") + (f": {status.cause}" if status.cause else ""),
-        "hardware_id": envelope.source.platform,
+        "name": f"{platform}: {component}",
+        "message": f"{state}: {cause}" if cause else state,
+        "hardware_id": platform,
         "values": [{"key": key, "value": f"{value:g}"} for key, value in values.items()],
     }
-    yield RosRecord("/diagnostics", "diagnostic_msgs/DiagnosticArray", {"header": header(time, ""), "status": [one]})
+
+
+def _diagnostics(envelope: Envelope[ComponentStatus], time: RosMessage) -> Iterator[RosRecord]:
+    status, platform = envelope.payload, envelope.source.platform
+    level = STALE if status.state is None else ERROR if status.state is State.FAULTY else OK
+    values = {"rate_hz": status.rate_hz, "errors": status.errors, "overruns": status.overruns, **status.values}
+    state = str(status.state or "absent")
+    yield diagnostics([diagnostic_status(platform, status.name, level, state, status.cause, values)], time)
 
 
 def _event(envelope: Envelope[Event], time: RosMessage) -> Iterator[RosRecord]:
@@ -266,11 +316,24 @@ _LEVELS: Final[Mapping[Severity, int]] = {
     Severity.INFO: 20,
     Severity.DEBUG: 10,
 }
+_TYPES: Final[Mapping[str, str]] = {
+    "Pose": "nav_msgs/Odometry",
+    "ImuSample": "sensor_msgs/Imu",
+    "LaserScan": "sensor_msgs/LaserScan",
+    "Image": "sensor_msgs/CompressedImage",
+    "SatelliteFix": "sensor_msgs/NavSatFix",
+    "HeightAboveGround": "sensor_msgs/Range",
+    "AutopilotState": "sensor_msgs/BatteryState",
+}
+"""Of live topics; pictures come as previews."""
+_ENDS: Final[Mapping[str, str]] = {"Image": "{topic}/compressed", "AutopilotState": "battery"}
+"""Of those whose topic of ROS has another name."""
 _CONVERTERS: Final[Mapping[type, Callable[[Any, RosMessage], Iterator[RosRecord]]]] = {
     Pose: _pose,
     ImuSample: _imu,
     LaserScan: _scan,
     Image: _image,
+    Preview: _preview,
     SatelliteFix: _fix,
     HeightAboveGround: _height,
     AutopilotState: _battery,

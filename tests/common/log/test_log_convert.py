@@ -237,13 +237,13 @@ def test_a_bag_is_read_whole_by_rosbags_with_the_types_of_ros_itself(file: Path)
     assert len(last["/pelican/requested_path"].poses) == 2
 
 
-@pytest.mark.parametrize("kind", DEFINITIONS)
+@pytest.mark.parametrize("kind", [kind for kind in DEFINITIONS if not kind.endswith(("_Request", "_Response"))])
 def test_a_definition_is_the_one_of_ros(kind: str) -> None:
     package, name = kind.split("/")
-    types = get_typestore(Stores.ROS2_HUMBLE)
+    types = get_typestore(Stores.ROS2_JAZZY)
     found = get_types_from_msg(definition(kind), f"{package}/msg/{name}")
-    for one, parsed in found.items():
-        assert parsed == types.fielddefs[one]
+    for one, (_, fields) in found.items():  # distributions differ in constants
+        assert fields == types.fielddefs[one][1]
 
 
 def test_a_missing_library_is_said_with_its_extra(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

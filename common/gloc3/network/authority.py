@@ -44,6 +44,19 @@ def make_authority(folder: Path, network: str, now: datetime, valid: timedelta) 
     (folder / AUTHORITY).write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
 
 
+def make_temporary(folder: Path, now: datetime, valid: timedelta) -> None:
+    """Writes a certificate that signs itself and its key, for a TLS server that is recognized by a digest."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "invitation")])
+    certificate = (
+        _builder(name, name, key.public_key(), x509.random_serial_number(), now, valid)
+        .add_extension(_usage(is_authority=False), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    write_secret(folder / KEY, _key_bytes(key))
+    (folder / CERTIFICATE).write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+
+
 class CertificateSubject(NamedTuple):
     """Whom a certificate is for."""
 

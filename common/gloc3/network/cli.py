@@ -20,8 +20,8 @@ from gloc3.messages.envelope import Severity
 from gloc3.network import register, spreading
 from gloc3.network.access import MemberRole, access_control, grants
 from gloc3.network.authority import read_certificate
-from gloc3.network.enrolment import REQUEST, fingerprint, make_request, read_request
-from gloc3.network.file import Membership, Unconfirmed, member_problem, read_network
+from gloc3.network.enrolment import REQUEST, fingerprint, make_request, read_request, request_key
+from gloc3.network.file import Membership, Unconfirmed, address_problem, member_problem, read_network
 from gloc3.network.revocations import REVOCATIONS, read_list
 from gloc3.network.rights import MEANINGS, Rights
 from gloc3.network.rights_file import Right, RightsFile
@@ -41,12 +41,15 @@ app = App(
     - copy the folder yard/pelican.main to that computer, yard/alice to hers, and so on (`gloc3 network request` first, and
       no key is copied)
     - `gloc3 onboard pelican.yaml --host main --network pelican.main/network.yaml`
+    - or, instead of copying: `gloc3 network invite yard alice --role operator --at 192.168.1.5:7448`, and on her computer
+      the command that it prints
     - `gloc3 network router coast/network.yaml`, on a computer that connects many members
     - `gloc3 network revoke yard bob`
     - `gloc3 network push alice/network.yaml yard/revocations.pem`, so that all members learn it
     - `gloc3 network rights yard`, after yard/rights.yaml was written: who may what with which vehicle
 
-    Exit codes: 0 done; 1 some members have not got the list; 2 wrong use, or a file with mistakes; 5 nobody was reached.""",
+    Exit codes: 0 done; 1 nobody was reached, or some members
+    have not got the list; 2 wrong use, or a file with mistakes.""",
     help_format="markdown",
     version_flags=[],
 )
@@ -57,6 +60,7 @@ AUTHORITY_DAYS = 3650
 MEMBER_DAYS = 365
 MOST_DAYS = 36500
 MOST_WAIT_S = 600.0
+MOST_MINUTES = 1440.0
 
 
 @app.command
@@ -138,6 +142,87 @@ def request(folder: Path, member: str, /) -> int:
         raise Refused(problem)
     digits = make_request(folder, member)
     narrate(f"{folder / REQUEST} can be sent openly; fingerprint of the key: {digits}")
+    return 0
+
+
+@app.command
+def invite(
+    folder: Path,
+    member: str,
+    /,
+    *,
+    role: MemberRole,
+    at: str,
+    minutes: float = 15.0,
+    listen: Annotated[list[str] | None, Parameter(negative=())] = None,
+    reached_at: Annotated[list[str] | None, Parameter(negative=())] = None,
+    to: Annotated[list[str] | None, Parameter(negative=())] = None,
+    days: Days = MEMBER_DAYS,
+    renew: Annotated[bool, Parameter(negative=())] = False,
+) -> int:
+    """Invite a member by a one-time code, with which it gets its certificate over the network: `gloc3 network join`.
+
+    Prints the code and waits for the newcomer, who makes its key itself. Whoever has the code becomes the member: give it to
+    the right person only, such as by phone. It ends with its first use, after five wrong ones, and after its time.
+
+    Args:
+        folder: The network.
+        member: As for `add`.
+        role: As for `add`.
+        at: HOST:PORT of this computer at which the newcomer reaches it; it is open meanwhile.
+        minutes: How long the code is valid.
+        listen: As for `add`.
+        reached_at: As for `add`.
+        to: As for `add`.
+        days: How long the certificate is valid.
+        renew: Invite a member again: it gets another certificate, and the former one is no longer valid.
+    """
+    from gloc3.network.invitations import Invitation, files_of
+
+    folder = folder.expanduser()
+    entry = register.NetworkMember(
+        role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
+    )
+    _check(days)
+    if not 0.0 < minutes <= MOST_MINUTES:
+        raise Refused(f"--minutes must be above 0 and at most {MOST_MINUTES:.0f}")
+    host, port = _address(at)
+    register.examine(folder, member, entry, is_renewed=renew)
+    changed: list[str] = []
+
+    def enrol(request: bytes) -> dict[str, str]:
+        key = request_key(request, member, "the newcomer's request")
+        changed[:] = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew, key=key)
+        narrate(f"{member} has joined; fingerprint of its key: {fingerprint(key)}")
+        return files_of(folder / member)
+
+    def opened(code: str, port: int) -> None:
+        sys.stdout.write(f"gloc3 network join {code}@{at.rpartition(':')[0]}:{port}\n")
+        sys.stdout.flush()
+        narrate(f"waiting {minutes:g} min for {member}; whoever types this becomes {member}")
+
+    asyncio.run(Invitation(member, enrol, narrate).serve(host, port, minutes * 60.0, opened))
+    _narrate(name for name in changed if name != member)
+    return 0
+
+
+@app.command
+def join(invitation: str, /, *, out: Path | None = None) -> int:
+    """Join a network by a one-time code: make a key here, and get its certificate and files.
+
+    Args:
+        invitation: CODE@HOST:PORT, as `gloc3 network invite` prints it.
+        out: The folder to create for the files; default: the member's name.
+    """
+    from gloc3.network.invitations import OneTimeCode, join
+
+    text, at, place = invitation.rpartition("@")
+    if not at:
+        raise Refused(f"{invitation!r} is no invitation: CODE@HOST:PORT, as gloc3 network invite prints it")
+    host, port = _address(place)
+    into = asyncio.run(join(OneTimeCode.read(text), host, port, None if out is None else out.expanduser()))
+    membership = _read(into / register.NETWORK_FILE)
+    narrate(f"{into} is of {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
     return 0
 
 
@@ -360,6 +445,14 @@ def _narrate(changed: Iterable[str]) -> None:
     names = ", ".join(changed)
     if names:
         narrate(f"the files changed for {names}: copy the folder there, and send SIGHUP to the processes that use it")
+
+
+def _address(text: str) -> tuple[str, int]:
+    """Host and port of HOST:PORT; port 0 is any."""
+    host, _, port = text.rpartition(":")
+    if (problem := address_problem(text)) and port != "0":
+        raise Refused(f"{problem}; write HOST:PORT, such as 192.168.1.10:7448")
+    return host.strip("[]"), int(port)
 
 
 def _check(days: int) -> None:

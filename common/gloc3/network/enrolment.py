@@ -41,22 +41,36 @@ def read_request(path: Path, member: str) -> ec.EllipticCurvePublicKey:
         InputError: it is no request, or another member's.
     """
     try:
-        request = x509.load_pem_x509_csr(path.read_bytes())
+        data = path.read_bytes()
     except OSError as error:
         raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror or error}")]) from error
+    return request_key(data, member, str(path))
+
+
+def request_key(data: bytes, member: str, path: str) -> ec.EllipticCurvePublicKey:
+    """The same of a request in memory.
+
+    Args:
+        data: the request, PEM.
+        member: whose it has to be.
+        path: where it comes from, for messages.
+
+    Raises:
+        InputError: it is no request, or another member's.
+    """
+    try:
+        request = x509.load_pem_x509_csr(data)
     except ValueError as error:
-        raise InputError(
-            [Finding(file=str(path), message="not a request (gloc3 network request makes one)")]
-        ) from error
+        raise InputError([Finding(file=path, message="not a request (gloc3 network request makes one)")]) from error
     key = request.public_key()
     if not request.is_signature_valid or not isinstance(key, ec.EllipticCurvePublicKey):
-        raise InputError([Finding(file=str(path), message="its signature is wrong: it was changed on the way")])
+        raise InputError([Finding(file=path, message="its signature is wrong: it was changed on the way")])
     if key.curve.name != ec.SECP256R1.name:
-        raise InputError([Finding(file=str(path), message=f"its key is of {key.curve.name}, not of P-256")])
+        raise InputError([Finding(file=path, message=f"its key is of {key.curve.name}, not of P-256")])
     names = request.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     if [name.value for name in names] != [member]:
         asked = ", ".join(str(name.value) for name in names) or "nobody"
-        raise InputError([Finding(file=str(path), message=f"it is of {asked}, not of {member}")])
+        raise InputError([Finding(file=path, message=f"it is of {asked}, not of {member}")])
     return key
 
 

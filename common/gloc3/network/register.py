@@ -151,6 +151,29 @@ def add(
         Refused: the name or an address is invalid, or the name is in use.
         InputError: the register or the authority cannot be used.
     """
+    register = examine(folder, name, member, is_renewed=is_renewed)
+    hosts = [host_of(address) for address in (*member.listen, *member.reached_at)]
+    (folder / name / KEY).unlink(missing_ok=True)
+    public = key or make_key(folder / name)
+    number = issue(folder, folder / name, CertificateSubject(name, hosts, public), now, valid)
+    entry = replace(member, certificate=number, until=f"{now + valid:%Y-%m-%d}")
+    changed = replace(register, members={**register.members, name: entry})
+    return _write(folder, changed)
+
+
+def examine(folder: Path, name: str, member: NetworkMember, *, is_renewed: bool) -> Register:
+    """Checks whether a member can be added; returns the register as it is.
+
+    Args:
+        folder: the network.
+        name: the member's name.
+        member: its role and addresses.
+        is_renewed: whether it may be a member already.
+
+    Raises:
+        Refused: the name or an address is invalid, or the name is in use.
+        InputError: the register cannot be used.
+    """
     register = read_register(folder)
     problems = [member_problem(name, member.role), *map(address_problem, (*member.listen, *member.reached_at))]
     for problem in filter(None, problems):
@@ -165,13 +188,7 @@ def add(
     trial = replace(register, members={**register.members, name: member})
     if problem := _tree_problem(trial, name):
         raise Refused(problem)
-    hosts = [host_of(address) for address in (*member.listen, *member.reached_at)]
-    (folder / name / KEY).unlink(missing_ok=True)
-    public = key or make_key(folder / name)
-    number = issue(folder, folder / name, CertificateSubject(name, hosts, public), now, valid)
-    entry = replace(member, certificate=number, until=f"{now + valid:%Y-%m-%d}")
-    changed = replace(register, members={**register.members, name: entry})
-    return _write(folder, changed)
+    return register
 
 
 def renew(

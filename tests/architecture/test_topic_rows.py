@@ -20,6 +20,7 @@ FROM_ELSEWHERE: Final = {
     "ci/request/*": "the stations, over the network",
     "ci/ask/*": "the stations, over the network",
     "demand/*": "the stations, over the network",
+    "*/health": "the routers of a network, below `regions/`",
     "*/revocations": "the members of a network, below `members/`",
     "ci/teleoperation": "the controller of a platform that is steered by hand",
     "acoustic": "the station's end of an acoustic modem",

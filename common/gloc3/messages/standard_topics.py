@@ -30,6 +30,7 @@ from gloc3.messages.summaries import (
     ContactSummary,
     ControlState,
     MissionSummary,
+    RegionSummary,
     StationHeard,
     Summary,
     VehicleSummary,
@@ -134,6 +135,8 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "hosts/*/clock_answer": TopicRow(ClockAnswer, is_logged=False, service=TopicService.CONTROL),
     # the members of a network, towards each other; `members` is in place of the platform
     "*/revocations": TopicRow(Revocations, is_logged=False, is_inner=True, most_hz=5.0),
+    # a router, towards the stations; `regions` is in place of the platform
+    "*/health": TopicRow(RegionSummary, 1.0, is_logged=False, is_inner=True),
     # the viewer, towards the stations that look
     "watch/sample/**": TopicRow(Sample, is_logged=False, service=TopicService.BULK),
     "watch/large/**": TopicRow(Sample, is_logged=False, service=TopicService.BULK),

@@ -250,3 +250,29 @@ class ContactSummary(Message, frozen=True):
     worst: int = 7
     """The severity of the worst event behind that."""
     worst_text: str = ""
+
+
+class VehicleLine(msgspec.Struct, frozen=True, array_like=True):
+    """One vehicle in the summary of a region: some 60 bytes on the wire."""
+
+    name: str
+    age_s: float
+    """Since the router has heard it last; -1 if it never has."""
+    health: str = ""
+    """A `Health`; empty where it is not known."""
+    mode: str = ""
+    is_armed: bool = False
+    landed: str = ""
+    """A `LandedState`; empty where it is not known."""
+    battery_percent: int = -1
+    mission: str = ""
+    mission_state: str = ""
+    """An `ActionState`; empty where no mission is loaded."""
+    holder: str = ""
+    """Station in control; empty for none."""
+
+
+class RegionSummary(Message, frozen=True):
+    """The health of all vehicles that connect to a router, for stations that do not watch them in detail."""
+
+    vehicles: list[VehicleLine]

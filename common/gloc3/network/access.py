@@ -85,7 +85,9 @@ def _below(platform: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{platform}/{name}" for name in names)
 
 
-FORWARDED: Final = (*_below("*", READABLE), *_below("*", REQUESTED), STATIONS, REVOCATIONS_OF_ALL)
+REGIONS: Final = "regions/**"
+"""Where routers say how the vehicles are that connect to them."""
+FORWARDED: Final = (*_below("*", READABLE), *_below("*", REQUESTED), STATIONS, REVOCATIONS_OF_ALL, REGIONS)
 """What routers say to each other."""
 
 
@@ -139,7 +141,7 @@ def _below_router(member: Accepted) -> tuple[str, ...]:
         case MemberRole.PLATFORM:
             return (*_below(member.platform, REQUESTED), STATIONS, REVOCATIONS_OF_ALL)
         case _:
-            return (*_below("*", READABLE), STATIONS, REVOCATIONS_OF_ALL)
+            return (*_below("*", READABLE), STATIONS, REVOCATIONS_OF_ALL, REGIONS)
 
 
 def _links(*, from_other: tuple[str, ...], from_own: tuple[str, ...]) -> list[AccessGrant]:
@@ -193,7 +195,12 @@ def access_control(own: Accepted, others: Sequence[Accepted]) -> dict[str, Any]:
 
 def size_limits() -> list[dict[str, Any]]:
     """Zenoh's `low_pass_filter`: longer messages between platforms and stations are dropped before they are read."""
-    keys = [*_below("*", ("ci/**", "contact", "demand/*", "components/**", "hosts/**")), "stations/**", "members/**"]
+    keys = [
+        *_below("*", ("ci/**", "contact", "demand/*", "components/**", "hosts/**")),
+        "stations/**",
+        "members/**",
+        REGIONS,
+    ]
     return [
         {
             "id": "messages",

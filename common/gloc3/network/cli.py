@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated
@@ -79,44 +80,62 @@ def init(folder: Path, /, *, name: str | None = None, days: Days = AUTHORITY_DAY
     return 0
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class MemberOptions:
+    """What a new member is, one option for each field."""
+
+    role: MemberRole
+    """What it may do: platform, operator, observer or router."""
+    listen: Annotated[list[str] | None, Parameter(negative=())] = None
+    """HOST:PORT that it opens for others, or quic/HOST:PORT, over UDP, for links that lose packets; may be given again.
+    The first host of a platform that listens is the one to which its other hosts and the stations connect."""
+    reached_at: Annotated[list[str] | None, Parameter(negative=())] = None
+    """HOST:PORT at which others reach it, if different (0.0.0.0, or behind a router)."""
+    to: Annotated[list[str] | None, Parameter(negative=())] = None
+    """The member that it connects to, if not the default; may be given again. A member connects to one router at most; for
+    a router, further ones are alternatives, tried when the present one is lost."""
+    watch: Annotated[list[str] | None, Parameter(negative=())] = None
+    """Of a station: a platform of which it gets all details, and of others only what routers sum up; may be given again.
+    Without it: all details of all platforms."""
+    days: Days = MEMBER_DAYS
+    """How long its certificate is valid."""
+    renew: Annotated[bool, Parameter(negative=())] = False
+    """Give an existing member another key and certificate; the former ones are no longer valid."""
+
+    def entry(self) -> register.NetworkMember:
+        """The member for the register.
+
+        Raises:
+            Refused: a value is outside its limits.
+        """
+        _check(self.days)
+        return register.NetworkMember(
+            role=self.role,
+            certificate="",
+            until="",
+            listen=self.listen or [],
+            reached_at=self.reached_at or [],
+            to=self.to or [],
+            watches=self.watch or [],
+        )
+
+
 @app.command
-def add(
-    folder: Path,
-    member: str,
-    /,
-    *,
-    role: MemberRole,
-    listen: Annotated[list[str] | None, Parameter(negative=())] = None,
-    reached_at: Annotated[list[str] | None, Parameter(negative=())] = None,
-    to: Annotated[list[str] | None, Parameter(negative=())] = None,
-    days: Days = MEMBER_DAYS,
-    renew: Annotated[bool, Parameter(negative=())] = False,
-    request: Path | None = None,
-) -> int:
+def add(folder: Path, member: str, /, *, options: MemberOptions, request: Path | None = None) -> int:
     """Add a member: make its folder with key, certificate and network file, and rewrite the others' files.
 
     Args:
         folder: The network.
         member: PLATFORM.HOST for a computer of a platform, a name without a dot for a station or a router.
-        role: What it may do: platform, operator, observer or router.
-        listen: HOST:PORT that it opens for others, or quic/HOST:PORT, over UDP, for links that lose packets; may be
-            given again. The first host of a platform that listens is the one to which its other hosts and the stations
-            connect.
-        reached_at: HOST:PORT at which others reach it, if different (0.0.0.0, or behind a router).
-        to: The member that it connects to, if not the default; may be given again. A member connects to one router at
-            most.
-        days: How long its certificate is valid.
-        renew: Give an existing member a new key and certificate; the old ones are no longer valid.
+        options: What it is.
         request: The member's request, from `gloc3 network request`: its key stays on its own computer.
     """
     folder = folder.expanduser()
-    entry = register.NetworkMember(
-        role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
-    )
-    _check(days)
+    entry, valid, is_renewed = options.entry(), timedelta(days=options.days), options.renew
     key = None if request is None else read_request(request.expanduser(), member)
-    changed = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew, key=key)
-    narrate(f"{folder / member} is for {member} only; its certificate is valid for {days} days")
+    changed = register.add(folder, member, entry, utc_now(), valid, is_renewed=is_renewed, key=key)
+    narrate(f"{folder / member} is for {member} only; its certificate is valid for {options.days} days")
     if key is not None:
         narrate(f"fingerprint of the key: {fingerprint(key)}; it has to be the one that {member} reads out")
     if not entry.listen and not register.read_register(folder).connections(member):
@@ -146,60 +165,39 @@ def request(folder: Path, member: str, /) -> int:
 
 
 @app.command
-def invite(
-    folder: Path,
-    member: str,
-    /,
-    *,
-    role: MemberRole,
-    at: str,
-    minutes: float = 15.0,
-    listen: Annotated[list[str] | None, Parameter(negative=())] = None,
-    reached_at: Annotated[list[str] | None, Parameter(negative=())] = None,
-    to: Annotated[list[str] | None, Parameter(negative=())] = None,
-    days: Days = MEMBER_DAYS,
-    renew: Annotated[bool, Parameter(negative=())] = False,
-) -> int:
+def invite(folder: Path, member: str, /, *, options: MemberOptions, at: str, minutes: float = 15.0) -> int:
     """Invite a member by a one-time code, with which it gets its certificate over the network: `gloc3 network join`.
 
-    Prints the code and waits for the newcomer, who makes its key itself. Whoever has the code becomes the member: give it to
+    Prints the code and waits for the newcomer, who makes its own key. Anyone who has the code becomes the member: give it to
     the right person only, such as by phone. It ends with its first use, after five wrong ones, and after its time.
 
     Args:
         folder: The network.
-        member: As for `add`.
-        role: As for `add`.
+        member: PLATFORM.HOST for a computer of a platform, a name without a dot for a station or a router.
+        options: What it is.
         at: HOST:PORT of this computer at which the newcomer reaches it; it is open meanwhile.
         minutes: How long the code is valid.
-        listen: As for `add`.
-        reached_at: As for `add`.
-        to: As for `add`.
-        days: How long the certificate is valid.
-        renew: Invite a member again: it gets another certificate, and the former one is no longer valid.
     """
     from gloc3.network.invitations import Invitation, files_of
 
     folder = folder.expanduser()
-    entry = register.NetworkMember(
-        role=role, certificate="", until="", listen=listen or [], reached_at=reached_at or [], to=to or []
-    )
-    _check(days)
+    entry, valid, is_renewed = options.entry(), timedelta(days=options.days), options.renew
     if not 0.0 < minutes <= MOST_MINUTES:
         raise Refused(f"--minutes must be above 0 and at most {MOST_MINUTES:.0f}")
     host, port = _address(at)
-    register.examine(folder, member, entry, is_renewed=renew)
+    register.examine(folder, member, entry, is_renewed=is_renewed)
     changed: list[str] = []
 
     def enrol(request: bytes) -> dict[str, str]:
         key = request_key(request, member, "the newcomer's request")
-        changed[:] = register.add(folder, member, entry, utc_now(), timedelta(days=days), is_renewed=renew, key=key)
+        changed[:] = register.add(folder, member, entry, utc_now(), valid, is_renewed=is_renewed, key=key)
         narrate(f"{member} has joined; fingerprint of its key: {fingerprint(key)}")
         return files_of(folder / member)
 
     def opened(code: str, port: int) -> None:
         sys.stdout.write(f"gloc3 network join {code}@{at.rpartition(':')[0]}:{port}\n")
         sys.stdout.flush()
-        narrate(f"waiting {minutes:g} min for {member}; whoever types this becomes {member}")
+        narrate(f"waiting {minutes:g} min for {member}; anyone who types this becomes {member}")
 
     asyncio.run(Invitation(member, enrol, narrate).serve(host, port, minutes * 60.0, opened))
     _narrate(name for name in changed if name != member)

@@ -53,6 +53,10 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Addresses, of the same form, of the members that this one connects to."""
     uplinks: list[str] = []
     """The members at those addresses: all others are below this one, and may connect to it."""
+    region: list[str] = []
+    """Of a router: the platforms that connect to it, which it sums up."""
+    watches: list[str] = []
+    """Of a station: the platforms of which it gets all details; of others it gets what routers sum up. Empty for all."""
     revocations: str = ""
     """The list of revoked members; empty for files of before there was one."""
     unconfirmed: Unconfirmed = Unconfirmed.SAFETY

@@ -1,4 +1,4 @@
-"""One-time codes: a newcomer makes its key itself, and gets its certificate over TLS from whoever has invited it.
+"""One-time codes: a newcomer makes its key itself, and gets its certificate over TLS from the inviting computer.
 
 A code is 26 characters: 80 bits of the digest of the inviting computer's certificate, by which the newcomer knows that it
 speaks to that computer, and 48 bits of a secret, by which it is known. The code ends with its first use, after some wrong

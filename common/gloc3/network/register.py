@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Final
@@ -47,6 +48,8 @@ class NetworkMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """`HOST:PORT` at which others reach it; empty where they are the same as its listen addresses."""
     to: list[str] = []
     """Members that it connects to; empty for the default of its role."""
+    watches: list[str] = []
+    """Platforms of which a station gets all details; empty for all."""
     is_revoked: bool = False
 
 
@@ -94,11 +97,6 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         if routers:
             return [] if routers[0] == name else routers[:1]
         return [] if member.role is MemberRole.PLATFORM else [each for each in heads.values() if current[each].listen]
-
-    def uplink(self, name: str) -> str:
-        """The router to which a member connects; empty for none."""
-        routers = [target for target in self.targets(name) if self.members[target].role is MemberRole.ROUTER]
-        return routers[0] if routers else ""
 
 
 def found(folder: Path, network: str, now: datetime, valid: timedelta) -> None:
@@ -183,6 +181,10 @@ def examine(folder: Path, name: str, member: NetworkMember, *, is_renewed: bool)
     for target in member.to:
         if target not in register.current():
             raise Refused(f"there is no member {target!r}; {nearest(target, list(register.current()))}")
+    platforms = [host.partition(".")[0] for host, one in register.current().items() if one.role is MemberRole.PLATFORM]
+    for watched in member.watches:
+        if watched not in platforms:
+            raise Refused(f"there is no platform {watched!r}; {nearest(watched, platforms)}")
     if member.role is MemberRole.ROUTER and not member.listen:
         raise Refused("a router needs an address at which the others connect to it: --listen HOST:PORT")
     trial = replace(register, members={**register.members, name: member})
@@ -231,19 +233,21 @@ def expiring(folder: Path, now: datetime, within: timedelta) -> list[str]:
 
 
 def _tree_problem(register: Register, name: str) -> str:
-    """Why a member's connections make no tree of the routers; empty where they do."""
-    targets = register.targets(name)
+    """Why a member's connections make no tree of the routers, whichever uplink each has; empty where they do."""
+    targets, is_router = register.targets(name), register.members[name].role is MemberRole.ROUTER
     routers = [target for target in targets if register.members[target].role is MemberRole.ROUTER]
-    if len(routers) > 1:
+    if len(routers) > 1 and not is_router:
         return f"{name} would get messages twice: it may connect to one router, not to {' and '.join(routers)}"
-    if register.members[name].role is MemberRole.ROUTER and len(routers) < len(targets):
+    if is_router and len(routers) < len(targets):
         return f"the router {name} connects to another router, or to nothing"
-    seen, at = {name}, register.uplink(name)
-    while at:
-        if at in seen:
-            return f"{name} would be connected in a circle, by {at}"
-        seen.add(at)
-        at = register.uplink(at)
+    seen, ahead = set[str](), [(router, router) for router in routers]
+    while ahead:
+        at, by = ahead.pop()
+        if at == name:
+            return f"{name} would be connected in a circle, by {by}"
+        if at not in seen:
+            seen.add(at)
+            ahead += [(target, at) for target in register.targets(at)]
     return ""
 
 
@@ -411,11 +415,33 @@ authority: {AUTHORITY}
 listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
 uplinks: [{", ".join(map(_quoted, register.targets(name)))}]
-{rights}{revocations}
+{_region(register, name)}{rights}{revocations}
 # Who is accepted, in which role, with which certificate; everyone else is refused.
 # `gloc3 network show` shows the permissions. After a change: SIGHUP to the processes that use it.
 accepts:
 {listed}"""
+
+
+def _region(register: Register, name: str) -> str:
+    """Of a router, its vehicles; of a station, those that it watches in detail."""
+    match register.members[name].role:
+        case MemberRole.ROUTER:
+            platforms = {
+                other.partition(".")[0]
+                for other, member in register.current().items()
+                if member.role is MemberRole.PLATFORM and name in register.targets(other)
+            }
+            text = f"# The platforms that connect to it; it sums up their health once a second.\nregion: {_list(platforms)}\n"
+        case MemberRole.OPERATOR | MemberRole.OBSERVER:
+            watched = register.members[name].watches
+            text = f"# Platforms of which it gets all details; of others it gets the routers' summaries. Empty: all.\nwatches: {_list(watched)}\n"
+        case MemberRole.PLATFORM:
+            return ""
+    return f"\n{text}"
+
+
+def _list(names: Iterable[str]) -> str:
+    return f"[{', '.join(map(_quoted, sorted(names)))}]"
 
 
 def _quoted(text: str) -> str:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from random import SystemRandom
+from typing import Final
+
+import msgspec
 
 from gloc3.cli.counting import counted
 from gloc3.cli.narration import narrate
@@ -20,8 +23,12 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 from gloc3.network.access import MemberRole
 from gloc3.network.file import Membership, read_network
+from gloc3.network.regions import RegionReporter
 from gloc3.network.revocations import RevocationList
 from gloc3.network.spreading import PASSED_ON_S, RevocationSpreader
+
+UPLINK_S: Final = 3.0
+"""A router that has been without its uplink for so long tries the next address, s."""
 
 
 def read_router(file: Path, newest: RevocationList | None = None) -> Membership:
@@ -41,9 +48,47 @@ def read_router(file: Path, newest: RevocationList | None = None) -> Membership:
     return membership
 
 
+class UplinkWatch:
+    """Says when a router has no uplink, and another address is to be tried. One address is used at a time.
+
+    Zenoh would give messages twice to a router with two uplinks.
+
+    Args:
+        loop: its time.
+        uplinks: the members at the addresses.
+        missing: called once when none of them has been connected for a while; None where there is no other address.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, uplinks: Sequence[str], missing: Callable[[], object] | None
+    ) -> None:
+        self._loop, self._uplinks, self._missing = loop, uplinks, missing
+        self._timer: asyncio.TimerHandle | None = None
+        self._note(is_here=False)
+
+    def changed(self, member: str, *, is_here: bool) -> None:
+        """A member has connected or left."""
+        if member in self._uplinks:
+            self._note(is_here=is_here)
+
+    def close(self) -> None:
+        """Watches no more; connections that end afterwards count no more."""
+        self._missing = None
+        self._note(is_here=False)
+
+    def _note(self, *, is_here: bool) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._missing is not None and not is_here:
+            self._timer = self._loop.call_later(UPLINK_S, self._missing)
+
+
 @contextmanager
 def routing(
-    membership: Membership, changed: Callable[[str, bool], None], reload: Callable[[], object]
+    membership: Membership,
+    changed: Callable[[str, bool], None],
+    reload: Callable[[], object],
+    uplink: int = 0,
 ) -> Iterator[RevocationSpreader]:
     """Forwards for the duration of the block, on the running loop.
 
@@ -51,12 +96,15 @@ def routing(
         membership: the router's.
         changed: called in a thread of Zenoh's with the name of a member that has connected (True) or left (False).
         reload: called when the members that may connect are others, by a newer list of revoked members.
+        uplink: number of the address that it connects to, of those in its file.
 
     Raises:
         Gloc3Error: an address cannot be opened.
     """
-    loop = asyncio.get_running_loop()
-    session = new_session(membership.node(), membership.settings())
+    loop, random, own = asyncio.get_running_loop(), SystemRandom(), membership.file
+    node = membership.node()
+    node = msgspec.structs.replace(node, connect=node.connect[uplink : uplink + 1])
+    session = new_session(node, membership.settings())
     exchange = ZenohExchange(session, loop, TopicTable.installed(), is_sharing=False)
 
     def adopt(_: Membership, *, is_anyone_out: bool) -> None:
@@ -65,8 +113,10 @@ def routing(
 
     try:
         watch_links(session, changed)
-        spreader = RevocationSpreader(exchange, loop, SystemRandom(), membership, adopt, _warn)
+        spreader = RevocationSpreader(exchange, loop, random, membership, adopt, _warn)
+        reporter = RegionReporter(exchange, loop, own.member, own.region, random.getrandbits(32))
         yield spreader
+        reporter.close()
         spreader.close()
     finally:
         exchange.close()
@@ -89,24 +139,37 @@ async def run_router(file: Path) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, end)
     loop.add_signal_handler(signal.SIGHUP, reload.set)
-    membership = read_router(file)
+    membership, uplink = read_router(file), 0
     while not ends.is_set():
         reload.clear()
-        own = membership.file
+        own, lost = membership.file, asyncio.Event()
+        uplink %= max(len(own.connect), 1)
+
+        def miss(lost: asyncio.Event = lost) -> None:
+            lost.set()
+            reload.set()
+
+        watch = UplinkWatch(loop, own.uplinks, miss if len(own.connect) > 1 else None)
         members = {entry.common_name: entry.member for entry in own.others}
-        with routing(membership, partial(_report, loop, members), reload.set) as spreader:
-            where, uplink = ", ".join(own.listen), "".join(f", uplink {name}" for name in own.uplinks)
-            count = counted(len(own.others), "member")
+        changed = partial(_report, loop, members, watch)
+        with routing(membership, changed, reload.set, uplink) as spreader:
+            where = f"listens at {', '.join(own.listen)} for {counted(len(own.others), 'member')}"
+            above = f", uplink {' or '.join(own.uplinks)} at {own.connect[uplink]}" if own.connect else ""
             if warning := membership.expiry(utc_now()):
                 _warn(warning)
-            narrate(f"router: {own.member} of {own.network} listens at {where} for {count}{uplink}")
+            narrate(f"router: {own.member} of {own.network} {where}{above}")
             while await reload.wait() and not ends.is_set():
+                if lost.is_set():
+                    _warn(f"no uplink at {own.connect[uplink]}: the next address is tried")
+                    uplink, membership = uplink + 1, membership.under(spreader.newest)
+                    break
                 try:
                     membership = read_router(file, spreader.newest)
                     break
                 except Gloc3Error as error:
                     narrate(f"router: {error}: the network is unchanged", Severity.ERROR)
                     reload.clear()
+        watch.close()
     narrate("router: ended")
 
 
@@ -114,8 +177,15 @@ def _warn(text: str) -> None:
     narrate(f"router: {text}", Severity.WARNING)
 
 
-def _report(loop: asyncio.AbstractEventLoop, members: Mapping[str, str], name: str, is_here: bool) -> None:
+def _report(
+    loop: asyncio.AbstractEventLoop, members: Mapping[str, str], watch: UplinkWatch, name: str, is_here: bool
+) -> None:
     """Reports in the loop that a member has connected or left."""
-    text = f"router: {members.get(name, name)} {'is connected' if is_here else 'has left'}"
+
+    def report() -> None:
+        member = members.get(name, name)
+        watch.changed(member, is_here=is_here)
+        narrate(f"router: {member} {'is connected' if is_here else 'has left'}")
+
     with suppress(RuntimeError):  # at its end the loop takes nothing any more
-        loop.call_soon_threadsafe(narrate, text)
+        loop.call_soon_threadsafe(report)

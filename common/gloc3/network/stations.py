@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from random import SystemRandom
 from typing import Any, Final, NamedTuple
 
@@ -28,6 +28,7 @@ from gloc3.messages.topics import TopicTable
 from gloc3.messages.wire import WireError, type_name
 from gloc3.network.access import MemberRole
 from gloc3.network.platform_clocks import PlatformClocks
+from gloc3.network.regions import topic_of as region_topic
 from gloc3.network.signatures import RequestSigner, RequestVerifier
 
 CONTACT_S: Final = 1.0
@@ -72,6 +73,7 @@ def join_platforms(
     is_new: Callable[[Envelope[Any]], bool] = lambda _: True,
     *,
     signer: RequestSigner,
+    watched: Sequence[str] = (),
 ) -> Unsubscribe:
     """Joins a station to all platforms on the network: it sends requests and receives their downlink.
 
@@ -83,6 +85,7 @@ def join_platforms(
         carries: whether a request is sent over this link.
         is_new: whether a message has not arrived over another link already.
         signer: signs what the station sends.
+        watched: the platforms that are received; empty for all. Of others come the summaries of their regions.
     """
     loop = asyncio.get_running_loop()
     clocks, now_s, sent, controlled = PlatformClocks(), loop.time, Counter[str](), set[str]()
@@ -131,7 +134,8 @@ def join_platforms(
     for name, row in topics:
         topic_route = route(name, row)
         if name == CHUNKS or (topic_route is not None and topic_route.sender is End.PLATFORM):
-            undo.append(network.subscribe(f"*/{name}", handle))
+            undo += [network.subscribe(f"{platform}/{name}", handle) for platform in watched or ("*",)]
+    undo.append(network.subscribe(region_topic("*"), inside.publish))
 
     def part() -> None:
         timers[0].cancel()

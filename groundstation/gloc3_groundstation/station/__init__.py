@@ -12,6 +12,7 @@ __all__ = [
     "message_fields",
     "pictures",
     "preview_size",
+    "regions",
     "snapshots",
     "station",
     "vehicles",

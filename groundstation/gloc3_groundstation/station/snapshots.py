@@ -20,7 +20,9 @@ from gloc3.messages.summaries import (
     ControlState,
     Health,
     MissionSummary,
+    RegionSummary,
     Summary,
+    VehicleLine,
     VehicleSummary,
 )
 from gloc3.messages.teleoperation import TeleoperationState
@@ -421,11 +423,22 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """Other aircraft and drones."""
     encounters: tuple[Encounter, ...] = ()
     """Those near vehicles: of each vehicle the worst and nearest first."""
+    regions: Mapping[str, Timed[RegionSummary]] = {}
+    """By router: the health of the vehicles that connect to it."""
     event_count: int = 0
     """Of all events so far, those that are no longer kept included."""
 
     def __iter__(self) -> Iterator[PlatformSnapshot]:
         return iter(self.platforms.values())
+
+    def elsewhere(self) -> list[tuple[str, float, VehicleLine]]:
+        """Vehicles that are known by summaries of regions only: router, when it was received, and the vehicle."""
+        return [
+            (router, region.received_s, line)
+            for router, region in self.regions.items()
+            for line in region.value.vehicles
+            if line.name not in self.platforms
+        ]
 
     def get(self, name: str) -> PlatformSnapshot | None:
         """A platform by name."""

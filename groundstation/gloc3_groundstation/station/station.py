@@ -15,6 +15,7 @@ from gloc3.messages.motion import MotionSummary
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import CiEvent, ContactSummary, MissionSummary
 from gloc3.messages.vehicle import ObstacleScan
+from gloc3.network.regions import topic_of as region_topic
 from gloc3.network.rights import MemberRights
 from gloc3.terrain import Terrain
 from gloc3_groundstation.station import fleet as reducers
@@ -23,6 +24,7 @@ from gloc3_groundstation.station.command_client import CommandClient
 from gloc3_groundstation.station.event_feed import EventFeed, FeedEvent, with_age
 from gloc3_groundstation.station.fleet_monitor import FleetMonitor
 from gloc3_groundstation.station.neighbours import NeighbourRelay
+from gloc3_groundstation.station.regions import receive_region
 from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
 
 RIGHTS_EVERY_S: Final = 10.0
@@ -117,6 +119,7 @@ class Station:
             exchange.subscribe(f"*/{topic}", self._receive) for topic in reducers.CONTACT_TOPICS
         ]
         self._unsubscribes.append(exchange.subscribe("*/acoustic", self._receive_acoustic))
+        self._unsubscribes.append(exchange.subscribe(region_topic("*"), self._receive_region))
         self._unsubscribes.append(self.monitor.listen(self._receive_obstacles))
 
     @property
@@ -202,6 +205,9 @@ class Station:
         if self.is_member and now_s >= self._rights_s.get(name, 0.0):
             self._rights_s[name] = now_s + RIGHTS_EVERY_S
             self._start(self._request_rights(name))
+
+    def _receive_region(self, envelope: Envelope[Any]) -> None:
+        self.change(lambda fleet, now_s: receive_region(fleet, envelope, now_s))
 
     async def _request_rights(self, name: str) -> None:
         """Requests what this station may do, and tells changes."""

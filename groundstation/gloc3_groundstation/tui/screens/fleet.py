@@ -18,6 +18,7 @@ from gloc3_groundstation.tui.views.fleet import (
     fleet_title,
     link_header,
     link_lines,
+    unwatched_lines,
 )
 from gloc3_groundstation.tui.views.overview import waiting_lines
 from gloc3_groundstation.tui.widgets.lines import Span, Tone
@@ -90,9 +91,12 @@ class FleetScreen(StationScreen):
         """Fills the panels."""
         vehicles, control, links = self.query_one("#vehicles", ListPanel), self.panel("control"), self._links
         marked = self._selection(is_marked_only=True)
-        self.panel("vehicles_header").show([fleet_header(view, vehicles.width)] if view.fleet.platforms else [()])
+        self.panel("vehicles_header").show(
+            [fleet_header(view, vehicles.width)] if view.fleet.platforms or view.fleet.regions else [()]
+        )
         make = partial(fleet_line, view, marked=marked, width=vehicles.width)
         rows = self._kept.rows(vehicles, view, make, tuple(marked))
+        rows = [*rows, *(Row(line) for line in unwatched_lines(view, vehicles.width))]
         vehicles.show_rows(rows or [Row(line) for line in waiting_lines(view)])
         if view.platform is not None and view.platform.name != self._seen:
             self._seen = view.platform.name

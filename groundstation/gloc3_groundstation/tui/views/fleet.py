@@ -6,10 +6,12 @@ from typing import Final
 from gloc3.cli.counting import counted
 from gloc3.cli.port_advice import port_advice
 from gloc3.messages.command_interface import ControlVerb
+from gloc3.messages.summaries import WELL, VehicleLine
 from gloc3.network.rights import MEANINGS, MemberRights
 from gloc3.network.rights_file import Right
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
 from gloc3_groundstation.station import wording
+from gloc3_groundstation.station.regions import is_silent
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.overview import link_span, mission_cells, vehicle_cells, vehicle_table, worst_span
@@ -28,6 +30,8 @@ COLUMNS: Final = (
     Column("control", 13, rank=3),
     Column("components", 16, rank=1, grows=2, most=36),
 )
+REGION_STALE_S: Final = 5.0
+"""Older summaries of a region are stale, s."""
 LINK_COLUMNS: Final = (
     Column("link", 28, grows=1, most=44),
     Column("in B/s", 8, is_right=True),
@@ -60,6 +64,34 @@ def fleet_line(view: StationView, platform: PlatformSnapshot, marked: Container[
             worst_span(platform, view.now_s, is_brief=True),
         ]
     )
+
+
+def unwatched_lines(view: StationView, width: int) -> list[Line]:
+    """Vehicles that are known by the summaries of their regions only."""
+    table = vehicle_table(COLUMNS, view, width)
+    return [
+        table.line([Span(text, tone) for text, tone in _unwatched_cells(router, view.now_s - received_s, vehicle)])
+        for router, received_s, vehicle in view.fleet.elsewhere()
+    ]
+
+
+def _unwatched_cells(router: str, late_s: float, vehicle: VehicleLine) -> list[tuple[str, Tone]]:
+    is_stale = late_s > REGION_STALE_S or is_silent(vehicle)
+    tone = Tone.STALE if is_stale else Tone.DIM
+    battery = f"{vehicle.battery_percent} %" if vehicle.battery_percent >= 0 else "–"
+    health = Tone.BAD if vehicle.health not in WELL and not is_stale else tone
+    return [
+        ("", tone),
+        (vehicle.name, tone),
+        (vehicle.mode, tone),
+        ("armed" if vehicle.is_armed else vehicle.landed.replace("_", " "), tone),
+        (battery, tone),
+        (f"by {router}", tone),
+        (vehicle.mission, tone),
+        (vehicle.mission_state, tone),
+        (vehicle.holder, tone),
+        ("silent" if is_silent(vehicle) else vehicle.health, health),
+    ]
 
 
 def fleet_title(view: StationView, marked: Sequence[str]) -> str:

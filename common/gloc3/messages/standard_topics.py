@@ -73,7 +73,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     "dvl": TopicRow(BottomVelocity, 8.0),
     "wheels": TopicRow(WheelDistances, 10.0),
-    "estimator_pose": TopicRow(EstimatorPose, 30.0),
+    "estimator_pose": TopicRow(EstimatorPose, 30.0, is_inner=True),
     "satellites": TopicRow(SatelliteFix, 5.0),
     # processors
     "features/*": TopicRow(Features, 15.0, is_logged=False),

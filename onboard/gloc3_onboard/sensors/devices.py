@@ -227,7 +227,7 @@ class Probe(SensorSource, Protocol):
         """The latest reading; None before the first."""
 
 
-class Estimator(SensorSource, Protocol):
+class ExternalEstimator(SensorSource, Protocol):
     """An estimator that is not ours: visual-inertial or lidar odometry in another program or device."""
 
     def estimated_pose(self) -> StampedEstimatorPose | None:

@@ -14,10 +14,11 @@ from gloc3_sitl.autopilot.craft import Craft, Report
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
 from gloc3_sitl.autopilot.estimator.sources import AidingSource, Fix
 from gloc3_sitl.autopilot.failsafe import FailsafeMonitor
-from gloc3_sitl.autopilot.flight_log import FlightLogger, LogHeader, LogRecord
+from gloc3_sitl.autopilot.logs.flight_log import FlightLogger
+from gloc3_sitl.autopilot.logs.records import LogHeader, LogRecord
 from gloc3_sitl.autopilot.mavlink.calibration import CalibrationRun
 from gloc3_sitl.autopilot.modes import StyleTables
-from gloc3_sitl.autopilot.parameters import ParameterStore
+from gloc3_sitl.autopilot.parameters import ParameterKind, ParameterStore
 from gloc3_sitl.autopilot.periods import OUTER_STEPS, STEP_S
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.plans import StoredPlans
@@ -108,7 +109,9 @@ class Autopilot:
         """Of the last period, as the vehicle's body takes them."""
         self.imu_recent: Final[deque[ImuReading]] = deque(maxlen=OUTER_STEPS)
         """Those of the outer period that ends now, oldest first."""
-        self.logger: Final[FlightLogger] = FlightLogger(self, () if before is None else before.logger.logs)
+        self.logger: Final[FlightLogger] = FlightLogger(
+            self, style.make_log, () if before is None else before.logger.logs
+        )
         self.on_outer: list[Callable[[float], None]] = [self.logger.tick]
         """Called with the time after each outer period."""
         self._use: Final = self._receivers()
@@ -143,28 +146,37 @@ class Autopilot:
         """Whether the motors turn."""
         return self.craft.is_armed
 
-    def log_header(self, number: int, now_s: float) -> LogHeader:
-        """The first line of a log."""
+    def log_header(self, now_s: float) -> LogHeader:
+        """What a log begins with."""
         parameters = {name: self.parameters[name] for name in self.parameters}
-        return LogHeader(log=number, style=self.style.name, begins_s=round(now_s, 3), parameters=parameters)
+        whole = frozenset(row.name for row in self.parameters.rows.values() if row.kind is not ParameterKind.REAL32)
+        vehicle = self.vehicle
+        return LogHeader(
+            boot_s=now_s,
+            parameters=parameters,
+            whole=whole,
+            version=self.style.version,
+            mav_type=vehicle.mav_type,
+            output_numbers=vehicle.output_numbers,
+            neutral_us=vehicle.neutral_us,
+            span_us=vehicle.span_us,
+        )
 
     def log_record(self, now_s: float, texts: Sequence[str]) -> LogRecord:
-        """Returns the next line of a log, with the status texts since the previous one."""
-        inertial = self.estimator.inertial
-        n, e, d = inertial.position_ned_m
-        vn, ve, vd = inertial.velocity_ned_m_s
-        w, x, y, z = inertial.ned_from_frd
+        """The next record of a log, with the status texts since the previous one."""
+        inertial, mode = self.estimator.inertial, self.commander.mode
         return LogRecord(
-            t_s=round(now_s, 3),
-            mode=self.commander.mode.name,
-            position_ned_m=(round(n, 3), round(e, 3), round(d, 3)),
-            velocity_ned_m_s=(round(vn, 3), round(ve, 3), round(vd, 3)),
-            ned_from_frd=(round(w, 5), round(x, 5), round(y, 5), round(z, 5)),
-            thrust=round(self.control.thrust, 3),
-            outputs=tuple(round(output, 3) for output in self.outputs),
+            boot_s=now_s,
+            mode=mode.name,
+            custom_mode=mode.custom_mode,
+            position_ned_m=inertial.position_ned_m,
+            velocity_ned_m_s=inertial.velocity_ned_m_s,
+            ned_from_frd=inertial.ned_from_frd,
+            outputs=tuple(self.outputs),
+            is_armed=self.is_armed,
             is_landed=self.craft.is_landed,
             failsafe=self.failsafes.cause,
-            battery=round(self.commander.battery_share, 3),
+            battery=self.commander.battery_share,
             texts=texts,
         )
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import TYPE_CHECKING, Final
 
+from gloc3_sitl.autopilot.logs.records import LogFormat
 from gloc3_sitl.autopilot.parameters import AutopilotParameter
 from gloc3_sitl.autopilot.tuning import Tuning
 
@@ -147,6 +148,8 @@ class StyleTables:
     """Whether a single far position is approached by a smooth trajectory."""
     log_folder: str
     """Folder of the flight logs on the memory card."""
+    make_log: Callable[[], LogFormat]
+    """Makes the format of a flight log."""
     mission_keeps_home: bool
     """Whether item 0 of a mission is home."""
     pilot_disarms_in_air: bool

@@ -6,7 +6,7 @@ from os import strerror
 from typing import Final
 
 from gloc3.mavlink.services.files.ftp import FolderEntry
-from gloc3_sitl.autopilot.flight_log import FlightLogger
+from gloc3_sitl.autopilot.logs.flight_log import FlightLogger
 
 _MOST_BYTES: Final = 4_000_000
 """Capacity for files written from outside."""

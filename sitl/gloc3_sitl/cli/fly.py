@@ -80,8 +80,8 @@ class FlyCommandOptions:
     """Folder with terrain tiles (.hgt, .hgt.zip) for the onboard process, for missions with heights above the ground; the
     simulated ground stays level."""
     out: Path | None = None
-    """Folder for log.mcap, report.json, path.svg and images; those of an earlier flight are replaced. Without it
-    nothing is kept."""
+    """Folder for log.mcap, report.json, path.svg, the autopilot's own log (ULog or DataFlash) and images; those of an
+    earlier flight are replaced. Without it nothing is kept."""
     json: Annotated[bool, Parameter(negative=())] = False
     """Print the report on stdout as JSON."""
     quiet: Annotated[bool, Parameter(negative=())] = False
@@ -149,6 +149,8 @@ def fly(mission: str, /, options: FlyCommandOptions = FlyCommandOptions()) -> in
     if options.json:
         sys.stdout.write(as_json(report).decode())
     else:
-        kept = [f"  kept     log.mcap, report.json, path.svg{', images' if report.images else ''} in {options.out}"]
+        kept = [
+            f"  kept     log.mcap, report.json, path.svg, the autopilot's log{', images' if report.images else ''} in {options.out}"
+        ]
         print("\n".join([*as_lines(report), *(kept if options.out is not None else [])]))  # noqa: T201
     return EXIT_DONE if report.mission_state == "done" else EXIT_FAILED

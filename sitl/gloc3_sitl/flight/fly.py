@@ -155,9 +155,12 @@ async def _to_the_end(flight: Flight, estimate_s: float) -> tuple[str, str]:
 
 
 def _write(out: Path, report: FlightReport, flight: Flight, watch: FlightWatch) -> None:
-    """The files beside the log."""
+    """The files beside the log; a real firmware keeps its own."""
     from gloc3.log.report.plot import plot_path
 
+    logs = [] if isinstance(flight.simulator, FirmwareInStep) else flight.simulator.autopilot.logger.logs
+    for log in logs:
+        (out / log.name).write_bytes(log.data)
     (out / "report.json").write_bytes(as_json(report))
     flown = [sample.position_ned_m for sample in flight.truth.samples]
     home = flown[0] if flown else None

@@ -20,6 +20,7 @@ FILES: Final = (
 PROBE_BYTES: Final = 1 << 18
 """Free space that the folder must have before a flight starts."""
 
+_AUTOPILOT_LOG: Final = re.compile(r"flight_\d{3,}\.(?:ulg|BIN)")
 _KEPT: Final = re.compile(r"(requests\.journal|progress\.state|events\.store|memory\.state)\.(\d+|new)")
 _PICTURE: Final = re.compile(r"[a-z0-9_]+-\d{5,}\.(?:jpg|png)|poses\.jsonl")
 
@@ -35,7 +36,7 @@ def recreate(folder: Path) -> None:
         for name in FILES:
             (folder / name).unlink(missing_ok=True)
         for path in sorted(folder.iterdir()):
-            if _KEPT.fullmatch(path.name):
+            if _KEPT.fullmatch(path.name) or _AUTOPILOT_LOG.fullmatch(path.name):
                 path.unlink()
         images = folder / "images"
         if images.is_dir():

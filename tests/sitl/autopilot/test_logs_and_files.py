@@ -4,19 +4,21 @@ from collections.abc import Callable
 from contextlib import suppress
 from errno import EEXIST, ENOENT, ENOSPC, ENOTEMPTY, EPERM
 from functools import cache
+from itertools import groupby
+from pathlib import Path
 from struct import calcsize, unpack_from
 from typing import Any
 
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.DFReader import DFReader_binary
+from pyulog import ULog
 
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.files.ftp import FtpError
 from gloc3.mavlink.services.files.ftp_client import FtpCall, FtpClient
 from gloc3.mavlink.services.files.log_client import LogClient, LogResult
-from gloc3_sitl.autopilot.flight_log import LogHeader, LogRecord
 from gloc3_sitl.autopilot.onboard_files import OnboardFiles
 
 from .bench import LAND, VEHICLE, Bench
@@ -53,23 +55,58 @@ def drive(bench: Bench, client: FtpClient | LogClient, is_over: Callable[[], boo
         client.tick(bench.sim.now_s)
 
 
-@pytest.mark.flight
-@pytest.mark.parametrize(("style", "folder"), [("px4", "/fs/microsd/log"), ("ardupilot", "/APM/LOGS")])
-def test_the_log_of_a_flight_is_listed_and_read_over_ftp(style: str, folder: str) -> None:
+def read_over_ftp(style: str, folder: str, name: str, file: Path) -> Path:
+    """Fetches the log of the flight into a file."""
     bench = flown(style)
     client = FtpClient(Address(1, 191))
     listed = finish(bench, client, client.list(VEHICLE, folder, now_s=bench.sim.now_s))
-    assert [entry.name for entry in listed.entries] == ["flight_001.jsonl"]
-    read = finish(bench, client, client.read(VEHICLE, f"{folder}/flight_001.jsonl", now_s=bench.sim.now_s))
+    assert [entry.name for entry in listed.entries] == [name]
+    read = finish(bench, client, client.read(VEHICLE, f"{folder}/{name}", now_s=bench.sim.now_s))
     assert read.result is FtpError.NONE
-    lines = bytes(read.data).splitlines()
-    header = msgspec.json.decode(lines[0], type=LogHeader)
-    records = [msgspec.json.decode(line, type=LogRecord) for line in lines[1:]]
-    assert header.style == style
-    assert len(header.parameters) > 40
-    assert min(record.position_ned_m[2] for record in records) < -2.3
-    assert records[-1].t_s - records[0].t_s > 8.0
-    assert len(records) == pytest.approx(10.0 * (records[-1].t_s - records[0].t_s), abs=3)
+    file.write_bytes(bytes(read.data))
+    return file
+
+
+@pytest.mark.flight
+def test_px4s_log_is_a_ulog_that_pyulog_reads(tmp_path: Path) -> None:
+    ulog = ULog(str(read_over_ftp("px4", "/fs/microsd/log", "flight_001.ulg", tmp_path / "flight.ulg")))
+    assert not ulog.file_corruption
+    assert ulog.get_version_info() == (1, 16, 0, 255)
+    assert len(ulog.initial_parameters) > 40
+    assert isinstance(ulog.initial_parameters["NAV_RCL_ACT"], int)
+    position = ulog.get_dataset("vehicle_local_position").data
+    seconds = (position["timestamp"] - position["timestamp"][0]) * 1e-6
+    assert seconds[-1] > 8.0
+    assert len(seconds) == pytest.approx(10.0 * seconds[-1], abs=3)
+    assert position["z"].min() < -2.3
+    states = ulog.get_dataset("vehicle_status").data
+    assert list(dict.fromkeys(states["nav_state"])) == [4, 17, 18]
+    assert list(dict.fromkeys(states["arming_state"])) == [2, 1]
+    assert [key for key, _ in groupby(ulog.get_dataset("vehicle_land_detected").data["landed"])] == [1, 0, 1]
+    outputs = ulog.get_dataset("actuator_outputs").data
+    assert 1000.0 < outputs["output[0]"].max() < 2000.0
+    assert outputs["output[4]"].max() == 0.0
+    assert "Disarmed by self" in [text.message for text in ulog.logged_messages]
+
+
+@pytest.mark.flight
+def test_ardupilots_log_is_a_dataflash_log_that_its_own_reader_reads(tmp_path: Path) -> None:
+    file = read_over_ftp("ardupilot", "/APM/LOGS", "flight_001.BIN", tmp_path / "flight.BIN")
+    reader, found = DFReader_binary(str(file)), dict[str, list[Any]]()
+    while (message := reader.recv_msg()) is not None:
+        found.setdefault(message.get_type(), []).append(message)
+    reader.data_map.close()
+    reader.filehandle.close()
+    assert reader.mav_type == 2
+    assert len(reader.params) > 40
+    assert [mode.ModeNum for mode in found["MODE"]] == [4, 9]
+    assert [event.Id for event in found["EV"]] == [10, 28, 18, 11], "armed, took off, landed, disarmed"
+    assert min(row.PD for row in found["XKF1"]) < -2.3
+    assert (found["XKF1"][-1].TimeUS - found["XKF1"][0].TimeUS) * 1e-6 > 8.0
+    assert abs(found["ATT"][-1].Roll) < 2.0
+    assert 1000 < max(row.C1 for row in found["RCOU"]) < 2000
+    assert found["MSG"][0].Message == "ArduCopter V4.7.0 (GLOC3 SITL)"
+    assert 90 <= found["BAT"][-1].RemPct <= 100
 
 
 def test_the_log_of_a_flight_is_listed_and_read_by_the_log_protocol_too() -> None:
@@ -117,7 +154,7 @@ def test_a_file_is_written_and_read_back_over_ftp() -> None:
         ("entries", ("/../etc",), EPERM),
         ("create", ("/none/file",), ENOENT),
         ("create", ("/fs/microsd/log/mine",), EPERM),
-        ("write", ("/fs/microsd/log/flight_001.jsonl", 0, b"x"), EPERM),
+        ("write", ("/fs/microsd/log/flight_001.ulg", 0, b"x"), EPERM),
         ("truncate", ("/none", 3), ENOENT),
         ("make_folder", ("/fs",), EEXIST),
         ("make_folder", ("/a/b",), ENOENT),

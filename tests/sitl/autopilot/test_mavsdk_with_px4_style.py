@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import msgspec
 import pytest
 from mavsdk.plugins.action import ActionError, ActionResult
 from mavsdk.plugins.ftp import Ftp
@@ -10,9 +9,8 @@ from mavsdk.plugins.log_files import LogFiles
 from mavsdk.plugins.mission_raw import MissionRawError, MissionRawResult
 from mavsdk.plugins.offboard import Offboard, OffboardError, PositionNedYaw
 from mavsdk.plugins.param import Param, ParamError
+from pyulog import ULog
 from tests.sitl.mavsdk_client import ALTITUDE_M, LONGITUDE_DEG, client_of, degrees_north, item
-
-from gloc3_sitl.autopilot.flight_log import LogHeader
 
 pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 
@@ -140,11 +138,9 @@ def test_it_flies_offboard_and_fetches_the_log_of_the_flight(tmp_path: Path) -> 
             client.action.land()
             client.await_disarmed()
             entry = logs.get_entries()[0]
-            assert [file.name for file in files.list_directory("/fs/microsd/log").entries] == ["flight_001.jsonl"]
-            client.download(logs, entry, tmp_path / "flight.jsonl")
-            header, *records = (tmp_path / "flight.jsonl").read_bytes().splitlines()
-            assert msgspec.json.decode(header, type=LogHeader).style == "px4"
-            assert len(records) > 50
+            assert [file.name for file in files.list_directory("/fs/microsd/log").entries] == ["flight_001.ulg"]
+            client.download(logs, entry, tmp_path / "flight.ulg")
+            assert len(ULog(str(tmp_path / "flight.ulg")).get_dataset("vehicle_local_position").data["x"]) > 50
         finally:
             for plugin in (offboard, logs, files):
                 plugin.destroy()

@@ -49,7 +49,7 @@ def test_the_logs_of_before_a_reboot_can_still_be_read() -> None:
     assert bench.autopilot.logger.entries() == before
     bench.command(ARM, 1)
     bench.run(1.0)
-    assert [log.name for log in bench.autopilot.logger.logs] == ["flight_001.jsonl", "flight_002.jsonl"]
+    assert [log.name for log in bench.autopilot.logger.logs] == ["flight_001.ulg", "flight_002.ulg"]
 
 
 @pytest.mark.flight

@@ -78,6 +78,8 @@ def test_a_mission_leaves_log_report_and_picture_and_is_narrated(
     assert "hop.up running" in reported
     assert "mission done" in reported
     assert "<svg" in (tmp_path / "path.svg").read_text()
+    assert run(["log", "plot", str(tmp_path), "--autopilot", str(tmp_path / "flight_001.ulg")]) == 0
+    assert "which agree by 0.99" in capsys.readouterr().out
     with LogReader(tmp_path / "log.mcap") as reader:
         assert reader.is_finished
         assert not reader.losses()
@@ -138,7 +140,7 @@ def test_the_report_for_a_person_names_what_was_kept(capsys: pytest.CaptureFixtu
     assert run(["fly", "hop", "--quiet", "--out", str(tmp_path)]) == 0
     captured = capsys.readouterr()
     assert captured.out.startswith("hop: done\n  flown ")
-    assert captured.out.endswith(f"kept     log.mcap, report.json, path.svg in {tmp_path}\n")
+    assert captured.out.endswith(f"kept     log.mcap, report.json, path.svg, the autopilot's log in {tmp_path}\n")
     assert captured.err == ""
 
 

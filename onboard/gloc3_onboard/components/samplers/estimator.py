@@ -8,7 +8,7 @@ from gloc3.component.ports import Inbox, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.perception import EstimatorPose
 from gloc3_onboard.sensors.checks.timeline import StampMonitor
-from gloc3_onboard.sensors.devices import Estimator, opened
+from gloc3_onboard.sensors.devices import ExternalEstimator, opened
 
 
 class EstimatorSettings(Settings, frozen=True):
@@ -25,7 +25,7 @@ class EstimatorSampler(SensorSampler[EstimatorSettings]):
 
     estimator_pose = Output(EstimatorPose)
 
-    def __init__(self, device: Estimator) -> None:
+    def __init__(self, device: ExternalEstimator) -> None:
         self.reset_counter = 0
         self.quality = 0.0
         self.reason = ""

@@ -11,7 +11,7 @@ from gloc3.exchange.foreign import payloads
 from gloc3.messages.perception import EstimatorPose
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.sensors.devices import Estimator, StampedEstimatorPose
+from gloc3_onboard.sensors.devices import ExternalEstimator, StampedEstimatorPose
 from gloc3_onboard.sensors.registry import SensorKind, SourceKind, SourceRequest
 from gloc3_onboard.sensors.replay import Recorded, Replay, topic_records
 from gloc3_onboard.sensors.source_url import DELAY, Options, SourceUrl
@@ -122,7 +122,7 @@ def _recorded(log: Path, part: str, device: str) -> Sequence[Recorded[EstimatorP
     return topic_records(log, part or "estimator_pose", EstimatorPose)
 
 
-def _poll(device: Estimator) -> Sequence[Image]:
+def _poll(device: ExternalEstimator) -> Sequence[Image]:
     device.estimated_pose()
     return ()
 

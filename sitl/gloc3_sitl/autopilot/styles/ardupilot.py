@@ -3,6 +3,7 @@
 from typing import Final
 
 from gloc3_sitl.autopilot.behaviours.land import LandAfterGoal
+from gloc3_sitl.autopilot.logs.dataflash import DataflashFormat
 from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, StyleTables
 from gloc3_sitl.autopilot.styles.ardupilot_parameters import PARAMETERS, derive
 
@@ -56,6 +57,7 @@ ARDUPILOT: Final = StyleTables(
     streamed_needs_stream=False,
     streamed_shapes_positions=True,
     log_folder="/APM/LOGS",
+    make_log=DataflashFormat,
     mission_keeps_home=True,
     pilot_disarms_in_air=True,
     takeoff_in_streamed=True,

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from gloc3_sitl.autopilot.logs.ulog import UlogFormat
 from gloc3_sitl.autopilot.modes import Behaviour, Mode, Result, StyleTables
 from gloc3_sitl.autopilot.styles.px4_parameters import PARAMETERS, derive
 
@@ -65,6 +66,7 @@ PX4: Final = StyleTables(
     streamed_needs_stream=True,
     streamed_shapes_positions=False,
     log_folder="/fs/microsd/log",
+    make_log=UlogFormat,
     mission_keeps_home=False,
     pilot_disarms_in_air=False,
     takeoff_in_streamed=False,

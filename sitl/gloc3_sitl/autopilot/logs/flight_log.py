@@ -1,69 +1,46 @@
-"""The onboard flight log: one JSON line ten times a second while armed, a file per flight, kept in memory."""
+"""The onboard flight log: a record ten times a second while armed, a file per flight, kept in memory."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
-import msgspec
-
 from gloc3.mavlink.services.files.log_server import LogEntry
-from gloc3.messages.frames import Quaternion, Vector3
+from gloc3_sitl.autopilot.logs.records import LogFormat, LogHeader, LogRecord
 
 PERIOD_S: Final = 0.1
 _MOST_LOGS: Final = 32
 _MOST_BYTES: Final = 8_000_000
-_encode = msgspec.json.Encoder().encode
-
-
-class LogHeader(msgspec.Struct, frozen=True, kw_only=True):
-    """The first line of a log."""
-
-    log: int
-    """Number of the log, from 1."""
-    style: str
-    begins_s: float
-    """Seconds since boot."""
-    parameters: dict[str, float]
-    """All parameters at the beginning."""
-
-
-class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One line of a log."""
-
-    t_s: float
-    mode: str
-    position_ned_m: Vector3
-    velocity_ned_m_s: Vector3
-    ned_from_frd: Quaternion
-    thrust: float
-    outputs: tuple[float, ...]
-    is_landed: bool = False
-    failsafe: str = ""
-    battery: float = 1.0
-    texts: Sequence[str] = ()
-    """Status texts since the previous record."""
 
 
 class FlightLog:
-    """One flight."""
+    """One flight.
 
-    __slots__ = ("data", "number", "utc_s")
+    Args:
+        number: of the log, from 1.
+        utc_s: seconds since 1970 at its beginning; 0 where that is not known.
+        written: its format.
+    """
 
-    def __init__(self, number: int, utc_s: int) -> None:
+    __slots__ = ("_format", "data", "number", "utc_s")
+
+    def __init__(self, number: int, utc_s: int, written: LogFormat) -> None:
         self.number: Final = number
+        self._format: Final = written
         self.utc_s: Final = utc_s
-        """Seconds since 1970 at its beginning; 0 where that is not known."""
         self.data: Final = bytearray()
 
     @property
     def name(self) -> str:
         """The file's name."""
-        return f"flight_{self.number:03d}.jsonl"
+        return f"flight_{self.number:03d}{self._format.suffix}"
 
-    def add(self, line: LogHeader | LogRecord) -> None:
-        """Adds a line; a log that is full takes no more."""
+    def begin(self, header: LogHeader) -> None:
+        """Begins the file."""
+        self.data.extend(self._format.begin(header))
+
+    def add(self, record: LogRecord) -> None:
+        """Adds a record; a log that is full takes no more."""
         if len(self.data) < _MOST_BYTES:
-            self.data.extend(_encode(line))
-            self.data.extend(b"\n")
+            self.data.extend(self._format.add(record))
 
 
 class LogSource(Protocol):
@@ -77,19 +54,27 @@ class LogSource(Protocol):
     def utc_us(self) -> int:
         """Microseconds since 1970; 0 where that is not known."""
 
-    def log_header(self, number: int, now_s: float) -> LogHeader:
-        """The first line of a log."""
+    def log_header(self, now_s: float) -> LogHeader:
+        """What a log begins with."""
 
     def log_record(self, now_s: float, texts: Sequence[str]) -> LogRecord:
-        """The next line of a log, with the status texts since the previous one."""
+        """The next record of a log, with the status texts since the previous one."""
 
 
 class FlightLogger:
-    """Starts a log at arming and ends it at disarming; the oldest log is deleted when space runs out."""
+    """Starts a log at arming and ends it at disarming; the oldest log is deleted when space runs out.
 
-    def __init__(self, source: LogSource, before: Sequence[FlightLog] = ()) -> None:
+    Args:
+        source: the autopilot.
+        make_format: makes the format of a new log.
+        before: logs on the memory card.
+    """
+
+    def __init__(
+        self, source: LogSource, make_format: Callable[[], LogFormat], before: Sequence[FlightLog] = ()
+    ) -> None:
         self.logs: Final[list[FlightLog]] = list(before)
-        self._source = source
+        self._source, self._make_format = source, make_format
         self._open: FlightLog | None = None
         self._count = max((log.number for log in before), default=0)
         self._next_s = 0.0
@@ -146,10 +131,10 @@ class FlightLogger:
         self._count += 1
         if len(self.logs) >= _MOST_LOGS:
             del self.logs[0]
-        log = self._open = FlightLog(self._count, self._source.utc_us // 1_000_000)
+        log = self._open = FlightLog(self._count, self._source.utc_us // 1_000_000, self._make_format())
         self.logs.append(log)
         self._next_s = now_s
-        log.add(self._source.log_header(self._count, now_s))
+        log.begin(self._source.log_header(now_s))
 
     def _write(self, log: FlightLog, now_s: float) -> None:
         log.add(self._source.log_record(now_s, tuple(self._texts)))

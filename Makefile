@@ -13,7 +13,7 @@ KEY ?=
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit check bench fuzz evidence schema docs site lock release clean
+.PHONY: demo test unit check bench fuzz evidence schema docs pictures site lock release clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
@@ -46,6 +46,9 @@ schema: $(READY)  ## the JSON Schemas of mission files, platform files and the s
 
 docs: $(READY)  ## the pages and NOTICE that are made from the code, and the titles of the evidence
 	$(BIN)/python -m tests.house
+
+pictures: $(READY)  ## the pictures in the docs, from simulated flights; NAME=… for one set of them, such as demo
+	$(BIN)/python -m tests.pictures $(NAME)
 
 site: $(READY)  ## the documentation as a site, in site/; to search in it, serve it: python3 -m http.server -d site
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict

@@ -4,7 +4,7 @@ import ast
 from collections.abc import Iterator, Mapping
 
 import pytest
-from tests.house import where
+from tests.house import rooms, where
 from tests.house.measure import Measures, Module, find_circles, imports_of, measure, read_modules, room_names
 
 ROOMS = room_names(where.ROOT)
@@ -107,3 +107,7 @@ def test_constructors_and_parameter_lists_stay_short(measures: Measures) -> None
 
 def test_the_page_of_rooms_is_up_to_date() -> None:
     assert where.PAGE.read_text(encoding="utf-8") == where.page(), "run `make docs`"
+
+
+def test_the_picture_of_rooms_is_up_to_date() -> None:
+    assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.svg(), "run `make docs`"

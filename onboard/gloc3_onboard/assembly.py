@@ -282,7 +282,7 @@ class VehicleSide:
             storage.reports,
             context.random.getrandbits(31),
             storage.computer_start,
-            Background(storage.log_store, storage.worker or ImmediateExecutor(), inputs.terrain),
+            Background(storage.log_store, storage.worker or ImmediateExecutor(), inputs.terrain, storage.usage),
         )
         cameras = cameras_of(inputs.platform, sensors.rig.model, sensors.urls)
         for address in self.companion.add_cameras(cameras, context.platform, context.exchange):

@@ -12,9 +12,10 @@ from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.transport.endpoints import Endpoint
 from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
-from gloc3.store import Records
+from gloc3.store import DocumentFile, Records
 from gloc3.terrain import Terrain
 from gloc3_onboard.command_server.log_shelf import LogStoreBase
+from gloc3_onboard.command_server.site import Usage
 from gloc3_onboard.companion.routing import Keep
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.runner import Create, HostMember
@@ -95,6 +96,8 @@ class Storage(msgspec.Struct, frozen=True, kw_only=True):
     """Tells this start of the computer from every other."""
     worker: Executor | None = None
     """Checks missions; None to check them at once."""
+    usage: DocumentFile[Usage] | None = None
+    """The vehicle's hours; None where they are not kept."""
 
 
 class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):

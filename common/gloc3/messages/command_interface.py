@@ -207,6 +207,8 @@ class Hello(RequestBody, frozen=True):
     """Hash of its protocol, see `gloc3.messages.software`."""
     is_about_rights: bool = False
     """The reply is all that is wanted."""
+    is_about_inventory: bool = False
+    """The reply is all that is wanted, and its result holds an `Inventory` under `inventory`."""
 
 
 class Watch(RequestBody, frozen=True):
@@ -351,6 +353,32 @@ class CiReply(Message, frozen=True):
     result: dict[str, Any] = {}
     """With `CallFunction`: the function's reply; with `Hello`: what the station may do, `Rights.summary`; with `Preflight`: the `PreflightReport`; with a start that red checks
     refused: `may_settle`, whether each of them often passes by itself."""
+
+
+class Inventory(msgspec.Struct, frozen=True, kw_only=True):
+    """A vehicle's versions, digests, hours and battery."""
+
+    version: str
+    """Of its software."""
+    protocol: str
+    """Hash of its protocol, see `gloc3.messages.software`."""
+    platform_digest: str
+    """Of what missions are checked against, `Platform.digest`."""
+    components: int
+    hosts: list[str] = []
+    """The other hosts that were heard."""
+    firmware: str = ""
+    """Of the autopilot: its style and version; empty until they are known."""
+    powered_s: float = 0.0
+    """How long the onboard process has run in all, s."""
+    armed_s: float = 0.0
+    """How long it was armed in all, s."""
+    armings: int = 0
+    """How often it was armed."""
+    battery_percent: int = -1
+    """-1 where it is not known."""
+    battery_v: float = 0.0
+    """0 where it is not known."""
 
 
 class LogOnboard(msgspec.Struct, frozen=True, array_like=True):

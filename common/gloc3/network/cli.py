@@ -17,6 +17,7 @@ from gloc3.cli.counting import counted
 from gloc3.cli.narration import narrate
 from gloc3.clock import utc_now, utc_text
 from gloc3.errors import NoContact, Refused
+from gloc3.installed import installed_points
 from gloc3.messages.envelope import Severity
 from gloc3.network import register, spreading
 from gloc3.network.access import MemberRole, access_control, grants
@@ -47,6 +48,7 @@ app = App(
     - `gloc3 network router coast/network.yaml`, on a computer that connects many members
     - `gloc3 network revoke yard bob`
     - `gloc3 network push alice/network.yaml yard/revocations.pem`, so that all members learn it
+    - `gloc3 network inventory alice/network.yaml`: versions, hours and batteries of all vehicles
     - `gloc3 network rights yard`, after yard/rights.yaml was written: who may what with which vehicle
 
     Exit codes: 0 done; 1 nobody was reached, or some members
@@ -54,6 +56,9 @@ app = App(
     help_format="markdown",
     version_flags=[],
 )
+
+for _point in installed_points("gloc3.network_commands"):
+    app.command(_point.load(), name=_point.name)
 
 Days = Annotated[int, Parameter(help="How long the certificate is valid, in days.")]
 STATIONS = (MemberRole.OPERATOR, MemberRole.OBSERVER)

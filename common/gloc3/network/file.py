@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
@@ -119,6 +119,10 @@ class Membership(NamedTuple):
         """Signs this member's requests."""
         file, folder = self.file, self.path.parent
         return RequestSigner(FileKey(read_key(folder / file.key)), read_certificate(folder / file.certificate))
+
+    def watching(self, platforms: Sequence[str]) -> Membership:
+        """The same station with all details of these platforms."""
+        return self._replace(file=replace(self.file, watches=list(platforms)))
 
     @property
     def list_path(self) -> Path:

@@ -1,7 +1,8 @@
-"""`gloc3 log pull`: fetches the logs of a platform, over MAVLink FTP or the network of platforms and stations."""
+"""`gloc3 log pull`: fetches the logs of platforms, over MAVLink FTP or the network of platforms and stations."""
 
 import asyncio
 import secrets
+from collections.abc import Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -14,16 +15,18 @@ from gloc3.cli.narration import ERROR, narrate
 from gloc3.errors import Gloc3Error, NoContact, Refused
 from gloc3.messages.command_interface import LogOnboard
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.cli.fleet_session import ALL, STATION_ID, open_fleet
 from gloc3_groundstation.services.saving import part_of
 from gloc3_groundstation.store.download_progress import amount
 
 if TYPE_CHECKING:
+    from gloc3_groundstation.assembly import GroundStation
     from gloc3_groundstation.store.log_pull import LogPuller
 from gloc3_groundstation.store.download_progress import DownloadProgress
 
 TRAFFIC: Final = ".tlog"
-STATION_ID: Final = 254
-"""Another one than that of a ground station which runs at the same time."""
+AT_ONCE: Final = 4
+"""Vehicles from which logs are fetched at the same time."""
 REPORT_PERIOD_S: Final = 2.0
 
 
@@ -56,7 +59,7 @@ def pull(
     source: str,
     /,
     *logs: str,
-    platform: str | None = None,
+    platform: Annotated[list[str] | None, Parameter(negative=())] = None,
     out: Path = Path(),
     keep: Annotated[bool, Parameter(negative="")] = False,
     frames: Annotated[bool, Parameter(negative="")] = False,
@@ -66,7 +69,7 @@ def pull(
     station_id: int = STATION_ID,
     signing_key: Path | None = None,
 ) -> int:
-    """Fetch logs from a vehicle; partial downloads are kept, and the same command resumes them.
+    """Fetch logs from vehicles; partial downloads are kept, and the same command resumes them.
 
     The vehicle calculates the SHA-256 digest of each log. When the downloaded log has the same digest, it is renamed to
     its final name in OUT/PLATFORM, and deleted on the vehicle; until then it is OUT/PLATFORM/LOG.BYTES.part. While the
@@ -78,12 +81,14 @@ def pull(
     - `gloc3 log pull udpin://0.0.0.0:14550 --list`: the vehicle's logs, and how much of each is downloaded
     - `gloc3 log pull udpin://0.0.0.0:14550`: all logs of the first vehicle in contact, over MAVLink FTP
     - `gloc3 log pull network-ops.yaml --platform auv`: over the network, as the station of that file
+    - `gloc3 log pull network-ops.yaml --platform all --keep`: of every vehicle of the network, several at a time
     - `gloc3 log pull serial:///dev/ttyUSB0:57600 log-3.mcap --keep`: one log, by radio, without deleting it
 
     Args:
         source: The MAVLink URL of a link to the vehicle, or the network file of a station.
         logs: Their names; none for all.
-        platform: The vehicle's name; otherwise the first one in contact.
+        platform: The vehicle's name; otherwise the first one in contact. May be given again, for several vehicles; "all"
+            is every vehicle of the network file, or every one that is heard on the link.
         out: The folder in which the folder PLATFORM with the logs is created.
         keep: Leave them on the vehicle.
         frames: Fetch the MAVLink frames of the runs (.tlog), too.
@@ -105,10 +110,21 @@ def pull(
         raise Refused(f"--out {out} is a file, not a folder")
     if list_only and (logs or keep):
         raise Refused("--list names all logs and fetches none; leave it out to fetch")
+    vehicles = platform or []
+    is_many = len(vehicles) > 1 or ALL in vehicles
     wanted = PullRequest(
-        names=logs, is_kept=keep, has_frames=frames, is_uncut=no_cut or list_only, is_list=list_only, out=out
+        names=logs,
+        is_kept=keep,
+        has_frames=frames,
+        is_uncut=no_cut or list_only,
+        is_list=list_only,
+        out=out,
+        is_many=is_many,
     )
-    return asyncio.run(_pull(source, platform, wanted, wait, station_id, signing_key))
+    if is_many:
+        names = [] if ALL in vehicles else vehicles
+        return asyncio.run(_pull_many(source, names, wanted, wait, station_id, signing_key))
+    return asyncio.run(_pull(source, vehicles[0] if vehicles else None, wanted, wait, station_id, signing_key))
 
 
 class PullRequest(msgspec.Struct, frozen=True, kw_only=True):
@@ -125,6 +141,12 @@ class PullRequest(msgspec.Struct, frozen=True, kw_only=True):
     is_list: bool = False
     """They are listed, and none is fetched."""
     out: Path
+    is_many: bool = False
+    """Of several vehicles: lines name the vehicle."""
+
+    def label(self, platform: str, log: str) -> str:
+        """What a log is called in lines."""
+        return f"{platform}/{log}" if self.is_many else log
 
 
 async def _pull(
@@ -135,7 +157,6 @@ async def _pull(
     from gloc3.network.file import read_network
     from gloc3_groundstation.assembly import GroundStation, StationSetup
     from gloc3_groundstation.desk import flights
-    from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller, ftp_carrier
 
     is_link = "://" in source
     network = None if is_link else read_network(Path(source).expanduser(), utc_now())
@@ -153,8 +174,38 @@ async def _pull(
             who, others = platform or "a vehicle", ", ".join(known.name for known in station.fleet)
             hint = f"; heard: {others}" if others else "; is it running, and does its link lead here?"
             raise NoContact(f"{who} did not respond within {wait_s:g} s at {links.describe()}{hint}") from None
-        found = [(link, at) for _, link in links.routes() for each, at in link.platforms() if each == name]
-        progress = PullProgress(ground.loop)
+        return await _fetch_of(ground, name, wanted)
+
+
+async def _pull_many(
+    source: str, names: Sequence[str], wanted: PullRequest, wait_s: float, system: int, key_file: Path | None
+) -> int:
+    """Fetches from several vehicles at once; one that fails stops none of the others."""
+    from gloc3.mavlink.signing_key import read_signing_key
+
+    key = None if key_file is None else read_signing_key(key_file.expanduser())
+    async with open_fleet(source, names, wait_s, system, key) as fleet:
+        turn = asyncio.Semaphore(AT_ONCE)
+
+        async def fetch_in_turn(name: str) -> int:
+            async with turn:
+                try:
+                    return await _fetch_of(fleet.ground, name, wanted)
+                except Gloc3Error as error:
+                    narrate(f"{name}: {error}", ERROR)
+                    return 1
+
+        codes = await asyncio.gather(*map(fetch_in_turn, fleet.here))
+        return max([*codes, *(1 for _ in fleet.missing)])
+
+
+async def _fetch_of(ground: "GroundStation", name: str, wanted: PullRequest) -> int:
+    """Fetches from a vehicle in contact, over the way on which it is."""
+    from gloc3_groundstation.store.log_pull import ChunkCarrier, LogPuller, ftp_carrier
+
+    station, progress = ground.station, PullProgress(ground.loop)
+    found = [(link, at) for _, link in ground.links.routes() for each, at in link.platforms() if each == name]
+    async with AsyncExitStack() as stack:
         carrier = (
             await stack.enter_async_context(ftp_carrier(*found[0]))
             if found
@@ -171,33 +222,34 @@ async def fetch(puller: "LogPuller", name: str, wanted: PullRequest, progress: P
         try:
             await puller.cut()
         except Declined as error:
-            narrate(f"the current log was not closed: {error}", Severity.WARNING)
+            narrate(f"{wanted.label(name, 'the current log')} was not closed: {error}", Severity.WARNING)
     listed, folder = await puller.list(), wanted.out / name
     if wanted.is_list:
         for log in listed:
-            print(_listed(log, folder))  # noqa: T201
+            print(_listed(log, folder, wanted.label(name, log.name)))  # noqa: T201
         return 0
     chosen = _chosen(name, listed, wanted)
     folder.mkdir(parents=True, exist_ok=True)
     failed = 0
     for number, log in enumerate(chosen, 1):
-        progress.begin(f"{log.name} ({number} of {len(chosen)})" if len(chosen) > 1 else log.name)
+        label = wanted.label(name, log.name)
+        progress.begin(f"{label} ({number} of {len(chosen)})" if len(chosen) > 1 else label)
         if share := _share(log, folder):
-            narrate(f"{log.name}: resumes at {share:.0f} % of {amount(log.size)}")
+            narrate(f"{label}: resumes at {share:.0f} % of {amount(log.size)}")
         try:
             pulled = await puller.pull(log, folder, is_kept=wanted.is_kept)
         except asyncio.CancelledError:
             share = _share(log, folder)
             here = f"{share:.0f} % is here and kept; " if share else ""
-            narrate(f"{log.name}: {here}the same command resumes it")
+            narrate(f"{label}: {here}the same command resumes it")
             raise
         except Gloc3Error as error:
             failed += 1
-            narrate(f"{log.name}: {error}", ERROR)
+            narrate(f"{label}: {error}", ERROR)
             continue
         drops = f", link lost {counted(pulled.drops, 'time')}" if pulled.drops else ""
         left = "deleted onboard" if pulled.is_deleted else "left onboard"
-        narrate(f"{log.name}: {amount(pulled.size)}, digest equal, {left}{drops}")
+        narrate(f"{label}: {amount(pulled.size)}, digest equal, {left}{drops}")
         print(pulled.path)  # noqa: T201
     if not chosen:
         narrate(f"{name} has no finished logs")
@@ -222,11 +274,11 @@ def _chosen(platform: str, listed: list[LogOnboard], wanted: PullRequest) -> lis
     return [log for log in finished if wanted.has_frames or not log.name.endswith(TRAFFIC)]
 
 
-def _listed(log: LogOnboard, folder: Path) -> str:
+def _listed(log: LogOnboard, folder: Path, label: str) -> str:
     """A line of the list."""
     share = _share(log, folder)
     state = "is being written" if log.is_open else f"{share:.0f} % here" if share else ""
-    return f"{log.name:24} {amount(log.size):>10}  {state}".rstrip()
+    return f"{label:24} {amount(log.size):>10}  {state}".rstrip()
 
 
 def _share(log: LogOnboard, folder: Path) -> float:

@@ -44,6 +44,7 @@ from gloc3.network.rights import FLIGHTS
 from gloc3_onboard.command_server.authority import Authority, AuthorityPorts
 from gloc3_onboard.command_server.component_requests import Answered, ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
+from gloc3_onboard.command_server.inventory import VehicleInventory
 from gloc3_onboard.command_server.journal import Journal, answer
 from gloc3_onboard.command_server.mission_commands import MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost, MissionPorts, was_running
@@ -109,6 +110,7 @@ class RequestHandler:
         components: carries out component commands.
         contacts: reports delivered to stations.
         neighbours: other vehicles, for the limiter.
+        inventory: of the vehicle.
     """
 
     def __init__(
@@ -119,10 +121,12 @@ class RequestHandler:
         components: ComponentRequests,
         contacts: Contacts,
         neighbours: NeighbourReports,
+        inventory: VehicleInventory,
     ) -> None:
         self.missions: Final = missions
         self.components: Final = components
         self.neighbours: Final = neighbours
+        self.inventory: Final = inventory
         self._site, self._authority, self._contacts = site, authority, contacts
         self._journal = Journal(site.journal)
         self._urgent: list[_Urgent] = []
@@ -153,6 +157,8 @@ class RequestHandler:
             return self._contacts.read(request, request.body)
         if isinstance(request.body, Watch | ListTopics):
             return self.components.forward_query(request, now_s)
+        if isinstance(request.body, Hello) and request.body.is_about_inventory:
+            return answer(request, result={"inventory": msgspec.to_builtins(self.inventory.read())})
         if isinstance(request.body, Hello) and request.body.is_about_rights:
             return self._greet(request)
         late = time_limit(request, now_s)
@@ -314,7 +320,10 @@ class CommandServer(CommandInterface[ServerSettings]):
         commands = MissionCommands(site, self._observing, self._authority, self._mission, report)
         components = ComponentRequests(self._observing, report)
         self._neighbours = NeighbourReports(site.platform.platform, report)
-        self._requests = RequestHandler(site, self._authority, commands, components, contacts, self._neighbours)
+        self._inventory = VehicleInventory(site, self._observing)
+        self._requests = RequestHandler(
+            site, self._authority, commands, components, contacts, self._neighbours, self._inventory
+        )
         self._reporting = Reporting(site, self.settings, self._events, contacts)
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
@@ -323,6 +332,7 @@ class CommandServer(CommandInterface[ServerSettings]):
         self._observing.observe(now_s, inbox)
         self._authority.observe(now_s, inbox)
         self._neighbours.observe(inbox)
+        self._inventory.observe(now_s)
         self._reporting.observe(now_s, inbox)
         results: list[Result] = [*self._observing.supervise(now_s, inbox)]
         # what is asked for now is judged by what is known now

@@ -11,7 +11,7 @@ from gloc3.errors import UNREADABLE
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
-from gloc3.store import Records, RecordStore
+from gloc3.store import DocumentFile, Records, RecordStore
 from gloc3.terrain import Terrain
 from gloc3_onboard.command_server.log_shelf import LogStoreBase, NoLogStore
 from gloc3_onboard.command_server.report_store import ReportStore
@@ -48,6 +48,15 @@ class _Kept(msgspec.Struct, frozen=True):
     """The computer's own start in which this was kept."""
 
 
+class Usage(msgspec.Struct, frozen=True, kw_only=True):
+    """How much a vehicle was used, in all."""
+
+    powered_s: float = 0.0
+    """Run time of the onboard process, s."""
+    armed_s: float = 0.0
+    armings: int = 0
+
+
 class Background(NamedTuple):
     """Slow work that is done outside the control loop."""
 
@@ -57,6 +66,8 @@ class Background(NamedTuple):
     """Checks missions."""
     terrain: Terrain | None = None
     """Heights of the ground that they are checked against; None without tiles."""
+    usage: DocumentFile[Usage] | None = None
+    """The vehicle's hours; None where they are not kept."""
 
 
 class Site:
@@ -86,7 +97,7 @@ class Site:
         self.journal: Final = RecordStore(journal, "journal of requests")
         self.reports: Final = ReportStore(reports, process, computer)
         self.process: Final = process
-        self.log_store, self.worker, self.terrain = background or Background()
+        self.log_store, self.worker, self.terrain, self.usage = background or Background()
         self.problem = ""
         """Reason why the stored state cannot be used; empty if it can, or there is none."""
         self._progress: Final = RecordStore(progress, "progress")

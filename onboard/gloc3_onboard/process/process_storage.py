@@ -22,8 +22,9 @@ from gloc3.messages.frames import Vector3
 from gloc3.platform.places import ProcessPlace
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import find_platform, whole_text
-from gloc3.store import RecordFile, RecordStore
+from gloc3.store import DocumentFile, RecordFile, RecordStore
 from gloc3_onboard.command_server.log_shelf import LogStore
+from gloc3_onboard.command_server.site import Usage
 from gloc3_onboard.companion.files import shared_files
 from gloc3_onboard.inputs import Storage
 from gloc3_onboard.parts import Parts
@@ -200,6 +201,7 @@ class ProcessStorage:
             ),
             computer_start=start_of_computer(),
             worker=ThreadPoolExecutor(1, "mission check"),
+            usage=DocumentFile(self.out / "usage.json", Usage),
         )
 
     def _open_log(self, path: Callable[[], Sequence[Vector3]], rig: Rig) -> RunLog:

@@ -3,13 +3,14 @@
 import asyncio
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from random import Random
 
 import pytest
-from tests.common.network.yard import Yard, free_port
+from tests.common.exchange.middlewares import until
+from tests.common.network.yard import LONG, NOW, Yard, free_port
 from tests.groundstation.scripted_platform import VEHICLE
 from tests.onboard.hosts.relay import Connections
 
@@ -18,7 +19,10 @@ from gloc3.exchange.zenoh import ZenohExchange
 from gloc3.messages.command_interface import AboutLogs, CiRequest, LogChunk
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.topics import TopicTable
+from gloc3.network import register
+from gloc3.network.access import MemberRole
 from gloc3.network.stations import join_platforms
+from gloc3_groundstation.cli.log_pull import PullRequest, _pull_many
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.station import snapshots
 from gloc3_groundstation.station.station import Station
@@ -33,13 +37,20 @@ SIZE = 4_000_003
 class Vessel:
     """A platform's shelf of logs on the network, for whoever asks."""
 
-    def __init__(self, yard: Yard, network: ZenohExchange, folder: Path, workers: ThreadPoolExecutor) -> None:
-        self._loop = asyncio.get_running_loop()
+    def __init__(
+        self,
+        yard: Yard,
+        network: ZenohExchange,
+        folder: Path,
+        workers: ThreadPoolExecutor,
+        platform: str = "pelican",
+    ) -> None:
+        self._loop, self._platform = asyncio.get_running_loop(), platform
         self.chunks = 0
         self._log_store = LogStore(folder, set, lambda: None, workers)
-        self._publisher = Publisher(network, "pelican", "command_server", 1)
-        self._bridge = yard.bridge(network, lambda *reported: pytest.fail(str(reported)))
-        self._undo = network.subscribe("pelican/ci/request", self._take)
+        self._publisher = Publisher(network, platform, "command_server", 1)
+        self._bridge = yard.bridge(network, lambda *reported: pytest.fail(str(reported)), platform)
+        self._undo = network.subscribe(f"{platform}/ci/request", self._take)
         self._due_s = 0.0
         self._tick()
 
@@ -47,11 +58,13 @@ class Vessel:
         self._timer = self._loop.call_later(0.005, self._tick)
         if self._loop.time() >= self._due_s:
             self._due_s = self._loop.time() + 0.1
-            self._publisher.publish("pelican/ci/vehicle", VEHICLE, self._loop.time())
+            self._publisher.publish(f"{self._platform}/ci/vehicle", VEHICLE, self._loop.time())
         for reported in self._log_store.collect():
             self.chunks += isinstance(reported, LogChunk)
             self._publisher.publish(
-                f"pelican/{'log_chunk' if isinstance(reported, LogChunk) else 'ci/reply'}", reported, self._loop.time()
+                f"{self._platform}/{'log_chunk' if isinstance(reported, LogChunk) else 'ci/reply'}",
+                reported,
+                self._loop.time(),
             )
 
     def _take(self, envelope: Envelope[CiRequest]) -> None:
@@ -119,3 +132,44 @@ async def test_a_log_comes_over_a_session_that_breaks_off_five_times(
     assert sha256((here / "log.mcap").read_bytes()).hexdigest() == wanted
     assert list(there.iterdir()) == []
     assert vessel.chunks * log_pull.CHUNK_BYTES < 2 * SIZE, "what had come was fetched again"
+
+
+async def test_logs_of_many_vehicles_come_at_once_and_the_same_command_resumes_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    yard, here = Yard(tmp_path / "yard"), tmp_path / "here"
+    heron = register.NetworkMember(
+        role=MemberRole.PLATFORM, certificate="", until="", listen=[f"127.0.0.1:{free_port()}"]
+    )
+    register.add(yard.folder, "heron.main", heron, NOW, LONG, is_renewed=False)
+    wanted = PullRequest(names=("log.mcap",), is_uncut=True, is_kept=True, out=here, is_many=True)
+    data = {name: Random(name).randbytes(SIZE) for name in ("pelican", "heron")}
+
+    async def pull() -> int:
+        return await _pull_many(str(yard.folder / "alice" / "network.yaml"), [], wanted, 10.0, 254, None)
+
+    with ThreadPoolExecutor(2) as workers, ExitStack() as stack:
+        vessels = []
+        for name, content in data.items():
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "log.mcap").write_bytes(content)
+            network = stack.enter_context(yard.open(f"{name}.main"))
+            vessels.append(Vessel(yard, network, tmp_path / name, workers, name))
+        first = asyncio.create_task(pull())
+        parts = [here / name / f"log.mcap.{SIZE}.part" for name in data]
+        await until(lambda: all(part.exists() and part.stat().st_size > SIZE // 10 for part in parts), 20.0)
+        first.cancel()
+        with suppress(asyncio.CancelledError):
+            await first
+        assert all(part.stat().st_size < SIZE for part in parts), "both were under way"
+        assert await pull() == 0
+        chunks = sum(vessel.chunks for vessel in vessels)
+        for vessel in vessels:
+            vessel.close()
+    told = capsys.readouterr()
+    for name, content in data.items():
+        assert (here / name / "log.mcap").read_bytes() == content
+        assert f"{name}/log.mcap: resumes at" in told.err
+        assert f"{name}/log.mcap: 4.0 MB, digest equal, left onboard" in told.err
+        assert str(here / name / "log.mcap") in told.out
+    assert chunks * log_pull.CHUNK_BYTES < 3 * SIZE, "what had come was not fetched again"

@@ -61,10 +61,12 @@ class Yard:
         """A member's network file."""
         return read_network(self.folder / name / "network.yaml", now)
 
-    def bridge(self, exchange: Exchange, forged: Callable[[str, str], None]) -> StationBridge:
+    def bridge(
+        self, exchange: Exchange, forged: Callable[[str, str], None], platform: str = "pelican"
+    ) -> StationBridge:
         """The platform's end of its stations."""
-        loop, membership = asyncio.get_running_loop(), self.membership("pelican.main")
-        context = BridgeContext("pelican", loop, Clock(loop), TopicTable.installed())
+        loop, membership = asyncio.get_running_loop(), self.membership(f"{platform}.main")
+        context = BridgeContext(platform, loop, Clock(loop), TopicTable.installed())
         return StationBridge(exchange, context, members_of(membership), 2, forged)
 
     @contextmanager

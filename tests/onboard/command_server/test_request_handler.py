@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from threading import Event
 from typing import Any
 
+import msgspec
 import pytest
 
 from gloc3.component.lci import State
@@ -23,6 +24,7 @@ from gloc3.messages.command_interface import (
     Emergency,
     EmergencyVerb,
     Hello,
+    Inventory,
     ListTopics,
     LoadMission,
     Outcome,
@@ -44,6 +46,7 @@ from gloc3.messages.envelope import (
     Severity,
     Source,
 )
+from gloc3.messages.software import own_software
 from gloc3.messages.vehicle import AutopilotState, LandedState, Pose
 from gloc3.messages.watch import Want
 from gloc3.mission.checking.checker import CheckReport, check_text
@@ -55,6 +58,7 @@ from gloc3.store import MemoryRecords
 from gloc3_onboard.command_server.authority import Authority
 from gloc3_onboard.command_server.component_requests import ComponentRequests
 from gloc3_onboard.command_server.contacts import Contacts
+from gloc3_onboard.command_server.inventory import VehicleInventory
 from gloc3_onboard.command_server.mission_commands import MOST_FINDINGS, MissionCommands
 from gloc3_onboard.command_server.mission_host import MissionHost
 from gloc3_onboard.command_server.neighbours import NeighbourReports
@@ -116,7 +120,8 @@ class Desk:
         missions = MissionCommands(site, observing, authority, self.host, self.report)
         components = ComponentRequests(observing, self.report)
         neighbours = NeighbourReports(self.platform.platform, self.report)
-        return RequestHandler(site, authority, missions, components, Contacts(site.reports), neighbours)
+        contacts, inventory = Contacts(site.reports), VehicleInventory(site, observing)
+        return RequestHandler(site, authority, missions, components, contacts, neighbours, inventory)
 
     def report(self, _: Severity, text: str, /, *, cause: str = "") -> None:
         self.said.append(text)
@@ -157,6 +162,15 @@ def test_a_station_without_control_is_refused_and_told_who_holds_it(desk: Desk) 
     reply = desk.reported(LoadMission(name="hop", text=HOP), sender="254")
     assert reply.outcome is Outcome.REFUSED
     assert "station 255 holds control" in reply.reason
+
+
+def test_an_observer_gets_the_inventory(desk: Desk) -> None:
+    reply = desk.observed(Hello(is_about_inventory=True))
+    assert reply is not None
+    found = msgspec.convert(reply.result["inventory"], Inventory)
+    assert (found.version, found.protocol) == own_software()
+    assert found.platform_digest == desk.platform.digest()
+    assert found.components == len(desk.platform.components)
 
 
 @pytest.mark.parametrize(

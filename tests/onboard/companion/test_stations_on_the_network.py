@@ -7,11 +7,14 @@ from contextlib import AbstractContextManager, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import msgspec
 import pytest
 from tests.commands.programs import Program, program
 
+from gloc3 import __version__
 from gloc3.log.commands import list_commands
 from gloc3.log.reader import LogReader
+from gloc3.messages.command_interface import Inventory
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.platform.reader import whole_text
@@ -125,6 +128,34 @@ def test_a_pushed_list_reaches_a_vehicle_in_flight_through_a_router_and_its_end_
             alice.end()
         assert "error: hold" in alice.text
         assert "only look, hold" not in alice.text, "it is refused for another reason: " + alice.text
+
+
+def test_inventory_and_logs_of_a_fleet_of_which_one_vehicle_is_not_there(yard: Path) -> None:
+    made(yard, "network", "add", "yard", "heron.main", "--role", "platform")
+    with vehicle(yard):
+        with station(yard, "alice", "--mission", "hop") as alice:
+            assert alice.end() == 0, alice.text
+        listing = ("network", "inventory", "yard/bob/network.yaml", "--json", "--wait", "4")
+        with program(*listing, folder=yard) as inventory:
+            assert inventory.end() == 1, inventory.text
+        assert "heron: did not respond within 4 s" in inventory.text
+        json = inventory.text[inventory.text.index("{") : inventory.text.rindex("}") + 1]
+        found = msgspec.json.decode(json, type=dict[str, Inventory])["pelican"]
+        assert found.firmware.startswith("px4 1.")
+        assert (found.version, found.armings) == (__version__, 1)
+        assert 3.0 < found.armed_s < found.powered_s
+        assert 50 <= found.battery_percent <= 100
+        pull = ("log", "pull", "--platform", "all", "--wait", "4", "--out", "here")
+        with program(*pull, "yard/bob/network.yaml", folder=yard) as observer:
+            assert observer.end() == 1, observer.text
+        assert "pelican/the current log was not closed: " in observer.text
+        assert "pelican has no finished logs" in observer.text
+        with program(*pull, "yard/alice/network.yaml", folder=yard) as operator:
+            assert operator.end() == 1, operator.text
+        assert "pelican/log.mcap" in operator.text
+        assert "digest equal, deleted onboard" in operator.text
+        assert "heron: did not respond" in operator.text
+    assert (yard / "here" / "pelican" / "log.mcap").exists()
 
 
 def test_a_radios_key_has_the_rights_of_its_member_and_every_refusal_names_who_may(yard: Path) -> None:

@@ -26,7 +26,9 @@ WORTHLESS_M: Final = 10.0
 """A position in as much doubt has no quality left."""
 
 
-_OFF_THE_GROUND: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
+_AT_THE_GROUND: Final = (LandedState.TAKING_OFF, LandedState.LANDING)
+AT_REST_M_S: Final = 0.2
+"""Slower, a vehicle that takes off or lands stands on the ground: no autopilot climbs or sinks so slowly."""
 FROZEN_FIXES: Final = 3
 """So many fixes of new times with the same digits are no measurements: noise alone changes them."""
 FROZEN_M_S2: Final = 0.4
@@ -90,7 +92,7 @@ class ReceiverCheck:
         elif is_in_flight or self.frozen_s(t_s):
             self._same += 1
         else:
-            self._changed_s = t_s
+            self._changed_s, self._same = t_s, 0
         self._fix, self._fix_s = fix, t_s
 
     def std_m(self, t_s: float) -> float:
@@ -206,13 +208,18 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
         state = inbox.latest(self.autopilot)
-        is_in_flight = state is not None and state.payload.landed in _OFF_THE_GROUND
+        is_in_flight = state is not None and self._is_off_the_ground(state.payload.landed)
         for fix in inbox.new(self.satellites):
             self._receiver.receive(fix.payload, fix.t_s, is_in_flight=is_in_flight)
         return [
             self.pose.report(self._place(envelope.payload, envelope.t_s), t_s=envelope.t_s)
             for envelope in inbox.new(self.autopilot_pose)
         ]
+
+    def _is_off_the_ground(self, landed: LandedState) -> bool:
+        """An autopilot reports for seconds after the touchdown that it lands."""
+        speed_m_s = 0.0 if self._last is None else math.hypot(*self._last.velocity_ned_m_s)
+        return landed is LandedState.IN_AIR or (landed in _AT_THE_GROUND and speed_m_s > AT_REST_M_S)
 
     def _place(self, given: AutopilotPose, t_s: float) -> Pose:
         self.reason = ""

@@ -7,11 +7,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import zenoh
 from rosbags.typesys import Stores, get_typestore
 from zenoh_ros2_sdk import ROS2Publisher, ROS2ServiceClient, ROS2ServiceServer, ROS2Subscriber
+from zenoh_ros2_sdk.entity import NodeEntity
+from zenoh_ros2_sdk.keyexpr import node_liveliness_keyexpr
 from zenoh_ros2_sdk.message_registry import get_registry
 from zenoh_ros2_sdk.session import ZenohSession
 
@@ -96,6 +99,12 @@ class Peer:
         self._open.append(server)
         return server
 
+    def announce(self, name: str) -> Any:
+        """The token of a node."""
+        session = ZenohSession.get_instance()
+        node = NodeEntity(0, session.session_id, session.get_next_node_id(), name.strip("/"), "/")
+        return session.liveliness.declare_token(node_liveliness_keyexpr(node))
+
     def message(self, kind: str, **fields: Any) -> Any:
         """A message of a type."""
         return ZenohSession.get_instance().register_message_type(None, kind)(**fields)
@@ -103,6 +112,7 @@ class Peer:
     def close(self) -> None:
         for one in self._open:
             one.close()
+        self._open.clear()
 
 
 @contextmanager
@@ -120,6 +130,54 @@ def peer(endpoint: str, folder: Path) -> Iterator[Peer]:
         found.close()
         ZenohSession._instance = None
         session.session.close()
+
+
+class LifecycleNode:
+    """A lifecycle node of ROS 2, as rclcpp's answers by its services.
+
+    `fails` has the transitions that it fails at, which lead back to *unconfigured* through the error handler.
+    """
+
+    PRIMARY = MappingProxyType({1: "unconfigured", 2: "inactive", 3: "active", 4: "finalized"})
+    ALLOWED = MappingProxyType({(1, 1): 2, (2, 2): 1, (2, 3): 3, (3, 4): 2})
+    """State and transition to the next state."""
+
+    def __init__(self, peer: Peer, name: str) -> None:
+        self.state = 1
+        self.requests: list[int] = []
+        self.fails: set[int] = set()
+        self._peer = peer
+        self._token = peer.announce(name)
+        for kind in ("Transition", "State"):
+            peer.message(f"lifecycle_msgs/msg/{kind}", id=0, label="")  # the library has to know them first
+        self._open = [
+            peer.serve(f"{name}/change_state", "lifecycle_msgs/srv/ChangeState", CHANGE_STATE, self._change),
+            peer.serve(f"{name}/get_state", "lifecycle_msgs/srv/GetState", GET_STATE, self._get),
+        ]
+
+    def put(self, state: int) -> None:
+        """Somebody else, or an error, leads it into a state."""
+        self.state = state
+
+    def leave(self) -> None:
+        """The node's process ends."""
+        self._token.undeclare()
+
+    def _message(self, state: int) -> Any:
+        return self._peer.message(
+            "lifecycle_msgs/msg/State", id=state, label=self.PRIMARY.get(state, "errorprocessing")
+        )
+
+    def _change(self, request: Any) -> dict[str, Any]:
+        transition = request.transition.id
+        self.requests.append(transition)
+        to = self.ALLOWED.get((self.state, transition))
+        if to is not None:
+            self.put(1 if transition in self.fails else to)
+        return {"success": to is not None and transition not in self.fails}
+
+    def _get(self, request: Any) -> dict[str, Any]:
+        return {"current_state": self._message(self.state)}
 
 
 def until(condition: Callable[[], Any], within_s: float = 10.0) -> Any:

@@ -123,7 +123,7 @@ def _foxglove(log: Path) -> list[Any]:
 
 def _bag(folder: Path) -> list[int]:
     """Messages that rosbags reads with ROS's own types, of how many."""
-    types = get_typestore(Stores.ROS2_HUMBLE)
+    types = get_typestore(Stores.ROS2_JAZZY)
     with AnyReader([folder], default_typestore=types) as reader:
         read = sum(types.deserialize_cdr(data, one.msgtype) is not None for one, _, data in reader.messages())
         return [read, reader.message_count]

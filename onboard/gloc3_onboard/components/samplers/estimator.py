@@ -7,6 +7,7 @@ from gloc3.component.component import SensorSampler
 from gloc3.component.ports import Inbox, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.perception import EstimatorPose
+from gloc3_onboard.sensors.checks.estimator_check import next_pose
 from gloc3_onboard.sensors.checks.timeline import StampMonitor
 from gloc3_onboard.sensors.devices import ExternalEstimator, opened
 
@@ -38,17 +39,11 @@ class EstimatorSampler(SensorSampler[EstimatorSettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Reports a pose that has not been reported yet."""
-        stamped = self._device.estimated_pose()
-        arrival = self._timeline.judge(stamped.t_s, now_s) if stamped is not None else None
-        if stamped is None or arrival is None:
-            if not (reason := self._timeline.silence(now_s)):
-                return []
-            self.quality, self.reason = 0.0, reason
-            return [self.estimator_pose.report(EstimatorPose(is_valid=False, reason=reason, quality=0.0), t_s=now_s)]
+        stamped = next_pose(self._device, self._timeline, now_s)
+        if stamped is None:
+            return []
         pose = stamped.pose
-        if arrival.problem:
-            pose = EstimatorPose(is_valid=False, reason=arrival.problem, quality=0.0)
-        else:
+        if pose.is_valid:
             self.reset_counter = pose.reset_counter
         self.quality, self.reason = pose.quality, pose.reason
-        return [self.estimator_pose.report(pose, t_s=arrival.t_s)]
+        return [self.estimator_pose.report(pose, t_s=stamped.t_s)]

@@ -3,4 +3,4 @@
 The registry finds every module here, so a new kind is one file. A module lists `SENSORS` and `SOURCES`.
 """
 
-__all__ = ["autopilot", "euroc", "kitti"]
+__all__ = ["autopilot", "estimator_wire", "euroc", "kitti", "laser"]

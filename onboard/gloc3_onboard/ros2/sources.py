@@ -1,0 +1,205 @@
+"""Nodes of ROS 2 as sensors: odometry and scans from the wire of rmw_zenoh."""
+
+import math
+import queue
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
+
+import msgspec
+
+from gloc3.errors import Gloc3Error
+from gloc3.messages.perception import EstimatorPose, LaserScan
+from gloc3_onboard.autopilot.telemetry import BootClock
+from gloc3_onboard.sensors.devices import StampedEstimatorPose, StampedScan
+from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
+from gloc3_onboard.sensors.source_url import DELAY, Number, Options, SourceUrl
+from gloc3_onboard.sensors.sources.estimator_wire import FLU, pose_of
+from gloc3_onboard.sensors.sources.laser import MOUNT, mounted_scan
+from gloc3_onboard.sensors.threaded import ThreadedSource
+
+if TYPE_CHECKING:
+    from gloc3.ros2.node import Received
+
+T = TypeVar("T")
+
+WAITING: Final = 64
+"""Messages that wait to be read; the oldest are dropped."""
+WAIT_S: Final = 0.3
+_NONSENSE: Final = 50
+"""Messages that are not accepted, without one that is, after which the topic is taken for something else."""
+NETWORK: Final[Options] = {"router": None, "domain": Number(0, 232, True)}
+"""The options of every source in ROS 2."""
+
+
+class RosSource(ThreadedSource[T]):
+    """A subscription to a topic.
+
+    Args:
+        name: name of the device.
+        url: `ros2://TOPIC?router=tcp/127.0.0.1:7447&domain=0`; `delay_s` is the age of a message's stamp beyond what it says.
+        now_s: our time.
+    """
+
+    kind: ClassVar[str]
+    """Type of the messages."""
+
+    def __init__(self, name: str, url: SourceUrl, now_s: Callable[[], float]) -> None:
+        super().__init__(name, now_s)
+        self._url = url
+
+    @abstractmethod
+    def convert(self, message: Any) -> tuple[float, Any]:
+        """The stamp of a message, s, and what it is here.
+
+        Raises:
+            ValueError: it cannot be used; the text says why.
+        """
+
+    @abstractmethod
+    def stamped(self, t_s: float, item: Any) -> T:
+        """The item with its time of validity."""
+
+    @contextmanager
+    def connect(self) -> Iterator[Iterator[T | None]]:
+        """Joins the graph as a node with one subscription. The router and the publisher need not be there yet."""
+        from gloc3.ros2.node import RosNetwork, open_node
+        from gloc3.ros2.wire import ROUTER, SENSOR
+
+        options = self._url.options
+        network = RosNetwork(router=options.get("router", ROUTER), domain=int(options.get("domain", 0)))
+        came: queue.Queue[Received] = queue.Queue(WAITING)
+
+        def keep(received: "Received") -> None:
+            with suppress(queue.Empty):
+                if came.full():
+                    came.get_nowait()
+            came.put(received)
+
+        with open_node(network, f"/gloc3/{self.name}") as node:
+            node.subscribe(self._url.place, self.kind, keep, SENSOR)
+            yield self._messages(came, node.problems)
+
+    def _messages(self, came: "queue.Queue[Received]", problems: dict[str, int]) -> Iterator[T | None]:
+        clock, delay_s, has_understood = BootClock(), self._url.number("delay_s", 0.0), False
+        refused: dict[str, int] = {}
+        while True:
+            if not has_understood:
+                for reason, number in {**problems, **refused}.items():
+                    if number > _NONSENSE:
+                        raise Gloc3Error(f"{self.name}: {reason}")
+            try:
+                message = came.get(timeout=WAIT_S).message
+                stamp_s, item = self.convert(message)
+            except queue.Empty:
+                yield None
+            except ValueError as error:
+                reason = f"{self._url.place}: {error}"
+                refused[reason] = refused.get(reason, 0) + 1
+                yield None
+            else:
+                has_understood = True
+                yield self.stamped(clock.t_s(stamp_s * 1e3, self.now_s()) - delay_s, item)
+
+
+class RosEstimator(RosSource[StampedEstimatorPose]):
+    """Odometry of another node (`nav_msgs/Odometry`), as an estimator that is not ours."""
+
+    kind = "nav_msgs/Odometry"
+
+    def estimated_pose(self) -> StampedEstimatorPose | None:
+        """The latest pose; None before the first.
+
+        Raises:
+            Gloc3Error: the topic brings something else.
+        """
+        return self.latest()
+
+    def convert(self, message: Any) -> tuple[float, EstimatorPose]:
+        """The pose; a covariance of zeros claims nothing."""
+        pose = message.pose.pose
+        at, turn = pose.position, pose.orientation
+        covariance = list(message.pose.covariance)
+        found = pose_of(
+            (at.x, at.y, at.z),
+            (turn.w, turn.x, turn.y, turn.z),
+            covariance if any(covariance) else [],
+            axes=FLU,
+            reset_counter=0,
+            quality=1.0,
+        )
+        return _stamp_s(message), found
+
+    def stamped(self, t_s: float, item: EstimatorPose) -> StampedEstimatorPose:
+        """The pose with its time."""
+        return StampedEstimatorPose(t_s, item)
+
+
+class RosLaser(RosSource[StampedScan]):
+    """A scanner of another node (`sensor_msgs/LaserScan`)."""
+
+    kind = "sensor_msgs/LaserScan"
+
+    def scan(self) -> StampedScan | None:
+        """The latest turn; None before the first.
+
+        Raises:
+            Gloc3Error: the topic brings something else.
+        """
+        return self.latest()
+
+    def convert(self, message: Any) -> tuple[float, LaserScan]:
+        """The turn, whose time is that of its last beam; +inf is *nothing seen* in ROS, too (REP 117)."""
+        import numpy as np
+
+        ranges = np.asarray(message.ranges, "<f4")
+        duration_s = float(message.time_increment) * max(len(ranges) - 1, 0)
+        if not (math.isfinite(duration_s) and 0.0 <= duration_s <= 10.0):
+            raise ValueError(f"a turn of {duration_s:g} s is impossible")
+        scan = LaserScan(
+            scanner=self.name,
+            angle_min_rad=message.angle_min,
+            angle_step_rad=message.angle_increment,
+            range_min_m=message.range_min,
+            range_max_m=message.range_max,
+            ranges_m=ranges.tobytes(),
+            duration_s=duration_s,
+        )
+        if message.angle_increment < 0.0:  # clockwise
+            last_rad = message.angle_min + message.angle_increment * (len(ranges) - 1)
+            scan = msgspec.structs.replace(
+                scan, angle_min_rad=last_rad, angle_step_rad=-message.angle_increment, ranges_m=ranges[::-1].tobytes()
+            )
+        return _stamp_s(message) + duration_s, mounted_scan(scan, self._url)
+
+    def stamped(self, t_s: float, item: LaserScan) -> StampedScan:
+        """The turn with its time."""
+        return StampedScan(t_s, item)
+
+
+def _stamp_s(message: Any) -> float:
+    return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9  # type: ignore[no-any-return]
+
+
+def _library_problem() -> str:
+    is_there = find_spec("mcap_ros2") is not None and find_spec("xxhash") is not None
+    return "" if is_there else 'ROS 2 needs further packages: pip install "gloc3[ros2]"'
+
+
+def _make(request: SourceRequest) -> RosEstimator | RosLaser:
+    source = RosLaser if request.sensor.name == "laser" else RosEstimator
+    return source(request.device, request.url, request.now_s)
+
+
+SOURCES: Final = (
+    SourceKind(
+        "ros2",
+        ("estimator", "laser"),
+        "ros2://odometry/filtered, or ros2://scan?router=tcp/192.168.1.20:7447",
+        _make,
+        {**NETWORK, **DELAY, **MOUNT},
+        problem=_library_problem,
+    ),
+)

@@ -1,0 +1,169 @@
+"""Odometry and scans of other people's nodes as sources of sensors, over a real Zenoh session."""
+
+import threading
+from collections.abc import Callable, Iterator
+from math import inf, nan, pi
+from pathlib import Path
+from time import monotonic
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.ros_peer import Peer, peer, router
+
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages.frames import rotate, to_euler
+from gloc3_onboard.ros2.sources import RosEstimator, RosLaser
+from gloc3_onboard.sensors.registry import parse_source
+
+ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    with router() as endpoint:
+        yield endpoint
+
+
+@pytest.fixture
+def other(endpoint: str, tmp_path: Path) -> Iterator[Peer]:
+    with peer(endpoint, tmp_path) as found:
+        yield found
+
+
+def estimator(endpoint: str, topic: str = "odometry") -> RosEstimator:
+    return RosEstimator("estimator", parse_source("estimator", f"ros2://{topic}?router={endpoint}"), monotonic)
+
+
+def laser(url: str = "ros2://scan") -> RosLaser:
+    return RosLaser("laser", parse_source("laser", url), monotonic)
+
+
+def header(other: Peer, stamp_s: float) -> Any:
+    stamp = other.message("builtin_interfaces/msg/Time", sec=int(stamp_s), nanosec=round(stamp_s % 1.0 * 1e9))
+    return other.message("std_msgs/msg/Header", stamp=stamp, frame_id="odom")
+
+
+def odometry(other: Peer, stamp_s: float) -> dict[str, Any]:
+    """At 1 m forward, 2 m left, 3 m up, with the nose 90 degrees to the left."""
+    turn = other.message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.5**0.5, w=0.5**0.5)
+    at = other.message("geometry_msgs/msg/Point", x=1.0, y=2.0, z=3.0)
+    zero = other.message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+    covariance = np.diag([0.01, 0.04, 0.09, 1e-4, 2e-4, 3e-4]).ravel()
+    pose = other.message("geometry_msgs/msg/Pose", position=at, orientation=turn)
+    twist = other.message("geometry_msgs/msg/Twist", linear=zero, angular=zero)
+    return {
+        "header": header(other, stamp_s),
+        "child_frame_id": "base_link",
+        "pose": other.message("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance),
+        "twist": other.message("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+    }
+
+
+def first(device: Any, read: Callable[[], Any], send: Callable[[], None]) -> Any:
+    """The first data that come while `send` is called again and again."""
+    received = threading.Event()
+    unwatch = device.on_new_data(received.set)
+    device.open()
+    try:
+        for _ in range(100):
+            send()
+            if received.wait(0.1):
+                break
+        found = read()
+    finally:
+        device.close()
+        unwatch()
+    assert found is not None
+    return found
+
+
+@pytest.mark.sockets
+def test_a_pose_of_another_node_comes_with_its_covariance_in_our_axes(endpoint: str, other: Peer) -> None:
+    device, publisher = estimator(endpoint, "vio/odometry"), other.publisher("/vio/odometry", ODOMETRY)
+    stamped = first(device, device.estimated_pose, lambda: publisher.publish(**odometry(other, 1_700_000_000.25)))
+    pose = stamped.pose
+    assert pose.position_m == (1.0, -2.0, -3.0)
+    assert to_euler(pose.world_from_body) == pytest.approx((0.0, 0.0, -pi / 2))
+    assert rotate(pose.world_from_body, (1.0, 0.0, 0.0)) == pytest.approx((0.0, -1.0, 0.0))
+    assert [pose.covariance[7 * index] for index in range(6)] == [0.01, 0.04, 0.09, 1e-4, 2e-4, 3e-4]
+    assert 0.0 <= monotonic() - stamped.t_s < 20.0
+
+
+@pytest.mark.sockets
+def test_a_scan_of_another_node_comes_as_a_scanners_turn(endpoint: str, other: Peer) -> None:
+    device = laser(f"ros2://scan?router={endpoint}&yaw_deg=10")
+    publisher = other.publisher("/scan", SCAN)
+    scan = {
+        "header": header(other, 1_700_000_000.0),
+        "angle_min": -1.0,
+        "angle_max": 1.0,
+        "angle_increment": 1.0,
+        "time_increment": 0.05,
+        "scan_time": 0.1,
+        "range_min": 0.1,
+        "range_max": 8.0,
+        "ranges": np.array([1.0, inf, 3.0], "f4"),
+        "intensities": np.zeros(0, "f4"),
+    }
+    stamped = first(device, device.scan, lambda: publisher.publish(**scan))
+    found = stamped.scan
+    assert (found.scanner, found.range_min_m, found.range_max_m) == ("laser", pytest.approx(0.1), 8.0)
+    assert (found.angle_min_rad, found.angle_step_rad) == (pytest.approx(-1.0 + pi / 18), 1.0)
+    assert list(np.frombuffer(found.ranges_m, "<f4")) == [1.0, inf, 3.0]
+    assert found.duration_s == pytest.approx(0.1)
+
+
+@pytest.mark.sockets
+def test_a_topic_of_another_kind_is_named(endpoint: str, other: Peer) -> None:
+    device, publisher = estimator(endpoint), other.publisher("/odometry", ODOMETRY)
+    publisher.pub = other._open[-1].session_mgr.session.declare_publisher(publisher.keyexpr[:-4] + "0000")
+
+    def read(stream: Iterator[Any]) -> None:
+        for _ in zip(range(40), stream, strict=False):
+            for _ in range(20):
+                publisher.publish(**odometry(other, 1.0))
+
+    with device.connect() as stream, pytest.raises(Gloc3Error, match="another version of nav_msgs/Odometry, RIHS01_"):
+        read(stream)
+
+
+def message(**changes: Any) -> SimpleNamespace:
+    """A scan as it is decoded."""
+    fields = {"angle_min": -1.0, "angle_increment": 1.0, "time_increment": 0.05, "range_min": 0.1, "range_max": 8.0}
+    stamp = SimpleNamespace(sec=10, nanosec=500_000_000)
+    return SimpleNamespace(**(fields | {"ranges": [1.0, 2.0, 3.0]} | changes), header=SimpleNamespace(stamp=stamp))
+
+
+def test_the_time_of_a_turn_is_that_of_its_last_beam() -> None:
+    assert laser().convert(message())[0] == pytest.approx(10.6)
+
+
+def test_a_scanner_that_turns_clockwise_is_turned_round() -> None:
+    _, scan = laser().convert(message(angle_min=1.0, angle_increment=-1.0))
+    assert (scan.angle_min_rad, scan.angle_step_rad) == (-1.0, 1.0)
+    assert list(np.frombuffer(scan.ranges_m, "<f4")) == [3.0, 2.0, 1.0]
+
+
+@pytest.mark.parametrize("wrong", [{"time_increment": nan}, {"time_increment": -0.1}, {"time_increment": 100.0}])
+def test_a_turn_that_lasts_impossibly_long_is_not_used(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=r"a turn of .* s is impossible"):
+        laser().convert(message(**wrong))
+
+
+def test_a_pose_that_is_none_is_not_used() -> None:
+    wrong = SimpleNamespace(x=nan, y=0.0, z=0.0)
+    right = SimpleNamespace(w=1.0, x=0.0, y=0.0, z=0.0)
+    pose = SimpleNamespace(pose=SimpleNamespace(position=wrong, orientation=right), covariance=[0.0] * 36)
+    with pytest.raises(ValueError, match="a number is not finite"):
+        estimator("tcp/127.0.0.1:1").convert(SimpleNamespace(pose=pose, header=message().header))
+
+
+@pytest.mark.sockets
+def test_a_name_that_ros_does_not_allow_is_refused_when_the_device_is_opened() -> None:
+    with (
+        pytest.raises(Refused, match="'front-camera/odometry' is no name in ROS"),
+        estimator("tcp/127.0.0.1:1", "front-camera/odometry").connect(),
+    ):
+        pass

@@ -26,9 +26,10 @@ WORTHLESS_M: Final = 10.0
 """A position in as much doubt has no quality left."""
 
 
-_AT_THE_GROUND: Final = (LandedState.TAKING_OFF, LandedState.LANDING)
+_OFF_THE_GROUND: Final = (LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING)
 AT_REST_M_S: Final = 0.2
-"""Slower, a vehicle that takes off or lands stands on the ground: no autopilot climbs or sinks so slowly."""
+"""Slower, a vehicle that takes off or lands stands on the ground: no autopilot climbs or sinks so slowly. So does one that
+drives or floats, which counts as off the ground as long as it is armed."""
 FROZEN_FIXES: Final = 3
 """So many fixes of new times with the same digits are no measurements: noise alone changes them."""
 FROZEN_M_S2: Final = 0.4
@@ -217,9 +218,11 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         ]
 
     def _is_off_the_ground(self, landed: LandedState) -> bool:
-        """An autopilot reports for seconds after the touchdown that it lands."""
-        speed_m_s = 0.0 if self._last is None else math.hypot(*self._last.velocity_ned_m_s)
-        return landed is LandedState.IN_AIR or (landed in _AT_THE_GROUND and speed_m_s > AT_REST_M_S)
+        """Whether the vehicle is in motion, or hovers: an autopilot reports for seconds after the touchdown that it lands."""
+        if landed is LandedState.IN_AIR and not self.settings.is_level:
+            return True
+        is_moving = self._last is not None and math.hypot(*self._last.velocity_ned_m_s) > AT_REST_M_S
+        return is_moving and landed in _OFF_THE_GROUND
 
     def _place(self, given: AutopilotPose, t_s: float) -> Pose:
         self.reason = ""

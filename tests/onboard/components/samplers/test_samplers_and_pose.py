@@ -248,9 +248,11 @@ def test_a_height_that_nothing_measures_is_claimed_with_a_growing_deviation() ->
     assert told(stage, (0.0, 0.0, 0.0), 0.2).position_std_m[2] < 0.06
 
 
-def frozen(landed: LandedState, velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0), *, seconds: float = 2.0) -> Pose:
+def frozen(
+    landed: LandedState, velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0), *, seconds: float = 2.0, is_level: bool = False
+) -> Pose:
     """The pose after the receiver has said the same for a time, ten times a second."""
-    stage = processor(std_m=0.05)
+    stage = processor(std_m=0.05, is_level=is_level)
     for _ in range(round(seconds / 0.1)):
         fix = SatelliteFix(place_geo=HOLD, std_m=0.02, height_std_m=0.03, satellites=12)
         given = autopilot_pose(height=0.0, velocity_ned_m_s=velocity_ned_m_s, origin_geo=HOLD)
@@ -290,3 +292,8 @@ def test_a_receiver_that_repeats_itself_off_the_ground_invalidates_the_pose_at_o
 @pytest.mark.parametrize("landed", [LandedState.TAKING_OFF, LandedState.LANDING])
 def test_a_vehicle_that_stands_on_the_ground_before_its_autopilot_says_so_has_a_pose(landed: LandedState) -> None:
     assert frozen(landed, (0.02, -0.02, 0.01)).is_valid
+
+
+def test_a_boat_that_rests_has_a_pose_and_one_that_moves_is_not_led_by_a_frozen_receiver() -> None:
+    assert frozen(LandedState.IN_AIR, (0.02, -0.02, 0.0), is_level=True).is_valid
+    assert not frozen(LandedState.IN_AIR, (0.5, 0.0, 0.0), is_level=True).is_valid

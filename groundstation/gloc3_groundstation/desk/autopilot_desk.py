@@ -9,7 +9,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import GeoPoint
 from gloc3_groundstation.desk.control import holder_of, require_control, require_operator
 from gloc3_groundstation.desk.services_desk import ServicesDesk
-from gloc3_groundstation.services.actions import Action
+from gloc3_groundstation.services.actions import WITH_CAMERA, Action
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
@@ -24,7 +24,7 @@ EMERGENCIES: Final = {
 }
 
 
-KEEP_THE_MODE: Final = frozenset({Action.ARM, Action.DISARM, Action.SPEED, Action.REBOOT})
+KEEP_THE_MODE: Final = frozenset({Action.ARM, Action.DISARM, Action.SPEED, Action.REBOOT}) | WITH_CAMERA
 
 
 class ActionOffer(NamedTuple):
@@ -49,6 +49,10 @@ OFFERS: Final[Mapping[Action, ActionOffer]] = {
     Action.MODE: ActionOffer("Set the mode", "Set the mode of {}?", "the autopilot's own name of the mode"),
     Action.START_PLAN: ActionOffer("Start the autopilot's plan", "Start the plan of {}?\nIt may arm and set off."),
     Action.PAUSE_PLAN: ActionOffer("Pause the autopilot's plan"),
+    Action.PICTURE: ActionOffer("Take a picture"),
+    Action.RECORD: ActionOffer("Begin to record video"),
+    Action.STOP_RECORDING: ActionOffer("Stop recording video"),
+    Action.POINT: ActionOffer("Point the camera", values="PITCH above the horizon, YAW right of the nose, degrees"),
     Action.REBOOT: ActionOffer("Restart the autopilot", "Restart the autopilot of {}?"),
 }
 
@@ -118,7 +122,8 @@ class AutopilotDesk:
             await services.actions.set_mode(typed)
         else:
             await services.actions.act(action, *values_of(action, typed, platform))
-        self._station.note(name, Severity.NOTICE, f"{in_words(action, typed)}: accepted by the autopilot")
+        whose = "the vehicle" if action in WITH_CAMERA else "the autopilot"
+        self._station.note(name, Severity.NOTICE, f"{in_words(action, typed)}: accepted by {whose}")
         if platform is not None and platform.has_companion and action not in KEEP_THE_MODE:
             self._station.notify_when_back(name, in_words(action, typed))
 
@@ -168,7 +173,7 @@ def numbers_of(action: Action, typed: str) -> tuple[float, ...]:
         numbers = tuple(map(float, typed.replace(",", " ").split()))
     except ValueError:
         numbers = ()
-    if len(numbers) != (3 if action is Action.GO_TO else 1):
+    if len(numbers) != {Action.GO_TO: 3, Action.POINT: 2}.get(action, 1):
         raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
     return numbers
 

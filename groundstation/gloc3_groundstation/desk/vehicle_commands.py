@@ -252,7 +252,7 @@ def shows(vehicle: VehicleSummary, command: VehicleCommand, values: tuple[float,
             return command.typed.lower() in (_mode(vehicle).lower(), mode_words(_mode(vehicle), "PX4").lower())
         case Action.START_PLAN:
             return _mode(vehicle) in PLANS
-        case Action.SPEED | Action.REBOOT:
+        case _:  # a speed, a restart and what cameras do: no telemetry of the vehicle shows them
             return True
 
 

@@ -17,6 +17,7 @@ from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_client import MavCommandClient
 from gloc3.mavlink.services.statustext import StatusText
 from gloc3.messages.envelope import Severity
+from gloc3_groundstation.services.cameras import CameraService
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.mavsdk.behind_link import MavsdkBehindLink
 from gloc3_groundstation.services.mavsdk.messages import Plugin
@@ -43,6 +44,10 @@ class Action(StrEnum):
     MODE = "mode"
     START_PLAN = "start_plan"
     PAUSE_PLAN = "pause_plan"
+    PICTURE = "picture"
+    RECORD = "record"
+    STOP_RECORDING = "stop_recording"
+    POINT = "point"
     REBOOT = "reboot"
 
 
@@ -65,6 +70,8 @@ BY_MODE: Final[Mapping[str, Mapping[Action, tuple[str, ...]]]] = {
 """By family: the modes that bring a vehicle to rest, home or down, the best first: without a position a submarine keeps its
 depth."""
 RESTS: Final = (Action.HOLD, Action.PAUSE_PLAN)
+WITH_CAMERA: Final = frozenset({Action.PICTURE, Action.RECORD, Action.STOP_RECORDING, Action.POINT})
+"""What cameras and gimbals do, and not the autopilot."""
 QUADPLANES: Final = frozenset(range(19, 26))
 """MAV_TYPE_VTOL_…"""
 HEARD_S: Final = 3.0
@@ -84,12 +91,19 @@ class ActionService:
         commands: that client.
         mavsdk: MAVSDK for the same autopilot.
         snapshots: what is known of the vehicle.
+        cameras: its cameras and gimbals.
     """
 
     def __init__(
-        self, machines: Machines, commands: MavCommandClient, mavsdk: MavsdkBehindLink, snapshots: SnapshotService
+        self,
+        machines: Machines,
+        commands: MavCommandClient,
+        mavsdk: MavsdkBehindLink,
+        snapshots: SnapshotService,
+        cameras: CameraService,
     ) -> None:
         self._machines, self._commands, self._mavsdk, self._snapshots = machines, commands, mavsdk, snapshots
+        self._cameras = cameras
         self._texts: deque[tuple[float, str]] = deque(maxlen=16)
         """The autopilot's last warnings, each with its time."""
         machines.on_event(self._receive_event)
@@ -100,7 +114,8 @@ class ActionService:
         Args:
             action: anything but a mode; a take-off arms the vehicle first.
             arguments: of a take-off the height above home, m; of a go_to latitude and longitude in degrees, altitude
-                above the sea in m and, unless it is NaN, the heading in degrees; of a speed that over ground, m/s.
+                above the sea in m and, unless it is NaN, the heading in degrees; of a speed that over ground, m/s; of
+                pointing the camera pitch above the horizon and yaw right of the nose, degrees.
 
         Raises:
             Refused: an argument is out of bounds, or the vehicle refuses or does not answer.
@@ -115,14 +130,21 @@ class ActionService:
 
     async def _act(self, action: Action, *arguments: float) -> None:
         snapshot = self._snapshots.snapshot
+        match action:
+            case Action.PICTURE:
+                return await self._cameras.take_picture()
+            case Action.RECORD | Action.STOP_RECORDING:
+                return await self._cameras.record(is_on=action is Action.RECORD)
+            case Action.POINT:
+                return await self._cameras.point(*arguments)
         if action in (*RESTS, Action.RETURN, Action.LAND):
             await self._rest(Action.HOLD if action in RESTS else action)
-            return
+            return None
         if action is Action.REBOOT and snapshot.is_armed:
             raise Refused("the vehicle is armed; its autopilot is restarted on the ground, disarmed")
         if action is not Action.TAKE_OFF:
             await self._mavsdk.act(PLUGINS[action], *arguments)
-            return
+            return None
         await self._prepare()
         try:
             await self._mavsdk.act(Plugin.TAKE_OFF, *arguments)
@@ -255,7 +277,10 @@ def _check(action: Action, arguments: tuple[float, ...]) -> None:
         case Action.SPEED, (speed_m_s,):
             if not 0.0 < speed_m_s <= FASTEST_M_S:
                 raise Refused(f"a speed is above 0 and up to {FASTEST_M_S:g} m/s, not {speed_m_s:g} m/s")
-        case Action.TAKE_OFF | Action.GO_TO | Action.SPEED | Action.MODE, _:
+        case Action.POINT, (pitch_deg, yaw_deg):
+            if not (abs(pitch_deg) <= 180.0 and abs(yaw_deg) <= 360.0):
+                raise Refused(f"{pitch_deg:g}, {yaw_deg:g}: pitch is up to 180, yaw up to 360 degrees")
+        case Action.TAKE_OFF | Action.GO_TO | Action.SPEED | Action.MODE | Action.POINT, _:
             raise Refused(f"{action} takes other values than {arguments}")
         case _, (_, *_):
             raise Refused(f"{action} takes no values")

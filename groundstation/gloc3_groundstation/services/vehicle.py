@@ -12,6 +12,7 @@ from gloc3.mavlink.services.statustext import StatusTextReceiver
 from gloc3.mavlink.shell import ShellClient
 from gloc3_groundstation.services.actions import ActionService
 from gloc3_groundstation.services.calibration.calibrations import CalibrationService
+from gloc3_groundstation.services.cameras import CameraReceiver, CameraService
 from gloc3_groundstation.services.console import ConsoleService
 from gloc3_groundstation.services.descriptions.component_metadata import (
     DescriptionCache,
@@ -51,7 +52,7 @@ class VehicleServices:
             target.system,
             [
                 *(commands, parameters, files, logs, mission, metadata, shell, self._snapshots),
-                *(StatusTextReceiver(own), HomeReceiver(own)),
+                *(StatusTextReceiver(own), HomeReceiver(own), CameraReceiver(own)),
             ],
             received=meter.count,
         )
@@ -72,7 +73,8 @@ class VehicleServices:
         self.logs: Final = LogService(self.machines, logs, target, self._snapshots)
         self.console: Final = ConsoleService(self.machines, shell, self._snapshots)
         self._mavsdk = MavsdkBehindLink(wire, target)
-        self.actions: Final = ActionService(self.machines, commands, self._mavsdk, self._snapshots)
+        cameras = CameraService(self.machines, commands, target)
+        self.actions: Final = ActionService(self.machines, commands, self._mavsdk, self._snapshots, cameras)
         self.motors: Final = MotorTestService(self.machines, commands, self._snapshots, target, self.actions)
         self.calibration: Final = CalibrationService(
             wire, self.machines, self._snapshots, self.parameters, self.actions

@@ -1,15 +1,19 @@
 """DESIGN §7, one path: authority and its hand-over, single tasks and actions, the emergency key, what is available."""
 
+import asyncio
+
 import pytest
 from tests.flight.card import ONE_STYLE, Card
-from tests.flight.missions import mission
+from tests.flight.missions import FENCE, mission
 
 from gloc3.messages.command_interface import (
+    CiReply,
     CommandComponent,
     Control,
     ControlVerb,
     Emergency,
     EmergencyVerb,
+    LoadMission,
     Outcome,
     RequestTask,
     Steer,
@@ -154,3 +158,23 @@ def test_a_command_that_the_table_does_not_have_is_refused_with_what_would_be_ac
     assert "working" in reason
     assert "accepted: goquiet, stop, shutdown" in reason
     assert "there is no component 'waypoins'" in flight.refused(CommandComponent(component="waypoins", command="stop"))
+
+
+@ONE_STYLE
+@pytest.mark.parametrize("is_another", [False, True])
+def test_two_uploads_at_once_are_both_answered(flight: Card, is_another: bool) -> None:
+    flight.begin(mission(), is_started=False)
+    client, name = flight.flight.station.client, flight.flight.name
+    wide, wider = (FENCE.replace("[20, 12]", f"[{x_m}, 12]") for x_m in (21, 22))
+    texts = mission(fence=wide), mission(fence=wider if is_another else wide)
+
+    async def load() -> tuple[CiReply, ...]:
+        bodies = [LoadMission(name="card.yaml", text=text) for text in texts]
+        return tuple(await asyncio.gather(*(client.request(name, body) for body in bodies)))
+
+    first, second = flight.run(load())
+    assert second.outcome is Outcome.ACCEPTED
+    if is_another:
+        assert first.reason == "another mission was loaded after it"
+    else:
+        assert first.outcome is Outcome.ACCEPTED

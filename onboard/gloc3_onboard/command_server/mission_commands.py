@@ -73,6 +73,7 @@ _STATES: Final = {state.value: state for state in ActionState}
 
 class _FenceWait(NamedTuple):
     request: CiRequest
+    text: str
     findings: str
     until_s: float
 
@@ -99,7 +100,8 @@ class MissionCommands:
         self._terrain = site.terrain
         self._authority, self._host, self._report_text = authority, host, report
         self._checks = MissionChecks(site.worker)
-        self._fence_wait: _FenceWait | None = None
+        self._fence_waits: list[_FenceWait] = []
+        """Loaded missions whose fence is not on the autopilot yet; only the last one is still loaded."""
         self._unknown_sources: set[str] = set()
         """Stations that were not believed."""
 
@@ -159,7 +161,7 @@ class MissionCommands:
             self._admit(request, mission, has_fence=mission.fence is not None)
             executor.load(mission, at_s)
             if geofence_of(self._platform, executor).areas:
-                self._fence_wait = _FenceWait(request, findings, at_s + FENCE_S)
+                self._fence_waits.append(_FenceWait(request, mission.text, findings, at_s + FENCE_S))
                 return None
             return answer(request, text=findings)
 
@@ -384,18 +386,23 @@ class MissionCommands:
 
     def fence_answer(self, now_s: float) -> list[CiReply]:
         """Answers to loading missions with a fence on Earth, once the autopilot has returned or refused it."""
-        wait = self._fence_wait
-        if wait is None or self._host.executor is None:
+        executor = self._host.executor
+        if not self._fence_waits or executor is None:
             return []
-        progress = self._fence_progress(self._host.executor)
-        if progress is FenceProgress.CONFIRMED:
-            reply = answer(wait.request, text=wait.findings)
-        elif progress is FenceProgress.FAILED or now_s > wait.until_s:
-            reply = answer(wait.request, Outcome.REFUSED, self._fence_problem(), text=wait.findings)
-        else:
-            return []
-        self._fence_wait = None
-        return [reply]
+        progress = self._fence_progress(executor)
+        loaded = executor.mission.mission.text if executor.mission is not None else ""
+        found, waits = [], []
+        for wait in self._fence_waits:
+            if wait.text != loaded:
+                found.append(answer(wait.request, Outcome.REFUSED, "another mission was loaded after it"))
+            elif progress is FenceProgress.CONFIRMED:
+                found.append(answer(wait.request, text=wait.findings))
+            elif progress is FenceProgress.FAILED or now_s > wait.until_s:
+                found.append(answer(wait.request, Outcome.REFUSED, self._fence_problem(), text=wait.findings))
+            else:
+                waits.append(wait)
+        self._fence_waits = waits
+        return found
 
 
 class Checked(NamedTuple):

@@ -85,7 +85,8 @@ class Animation:
                 moving = ""
                 if shown_s < self.length_s:
                     lengths.add(shown_s)
-                    moving = f' class="a" style="animation:k{_name(shown_s)} {self.length_s:g}s {begin_s:g}s infinite"'
+                    begins = " f" if begin_s == 0.0 else ""
+                    moving = f' class="a{begins}" style="animation:k{_name(shown_s)} {self.length_s:g}s {begin_s:g}s infinite"'
                 groups.append(f'<g transform="translate(0 {20 + _LINE_PX * number:.1f})"{moving}>{line}</g>')
         rules = [f".{name}{{{rule}}}" for rule, name in self._styles.items()]
         frames = [
@@ -98,6 +99,7 @@ class Animation:
                 f"<title>{escape(self._title)}</title>",
                 "<style>text{font:20px Fira Code,DejaVu Sans Mono,monospace;white-space:pre}",
                 ".a{visibility:hidden;animation-timing-function:step-end!important}",
+                "@media (prefers-reduced-motion:reduce){.a{animation:none!important}.f{visibility:visible}}",
                 *rules,
                 *frames,
                 "</style>",

@@ -19,7 +19,7 @@ SHOT = """<svg viewBox="0 0 300 100"><style>.terminal-7-r1 {{ fill: #ffffff }}
 <text class="terminal-7-r1" x="0" y="20" textLength="122" clip-path="url(#a)">&#160;{}&#160;</text>
 <text class="terminal-7-r2" x="0" y="44.4" textLength="48.8" clip-path="url(#b)">stay</text></svg>"""
 GROUP = re.compile(
-    r'<g transform="translate\(0 ([\d.]+)\)"(?: class="a" style="animation:k([\d_]+) [\d.]+s ([\d.]+)s infinite")?>(.*?)</g>'
+    r'<g transform="translate\(0 ([\d.]+)\)"(?: class="a(?: f)?" style="animation:k([\d_]+) [\d.]+s ([\d.]+)s infinite")?>(.*?)</g>'
 )
 
 
@@ -44,6 +44,7 @@ def test_an_animation_shows_each_screenshot_at_its_time_and_keeps_a_line_that_st
         {20.0: unescape(word), 44.4: "stay"} for word in words
     ]
     assert svg.count(">stay<") == 1
+    assert re.findall('class="a f".*?>(one|two|t&lt;o)<', svg) == ["one"], "all that who wants no motion sees of it"
     assert svg.count(">one<") == 2, "before and after"
     assert 'd="M24.4 -18.5H36.6' in svg
     assert "#101418" in svg.partition("<g ")[0], "the ground of most lines is drawn once"

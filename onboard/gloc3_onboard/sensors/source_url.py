@@ -64,7 +64,7 @@ class SourceUrl(NamedTuple):
         """
         host, _, port = self.place.rpartition(":")
         if not host or not port.isdecimal() or not 0 < int(port) < 65_536:
-            raise Refused(f"{device}: {self.text!r}: write an address as tcp://127.0.0.1:5600")
+            raise Refused(f"{device}: {self.text!r}: write an address as {self.scheme}://127.0.0.1:5600")
         return host, int(port)
 
     @property

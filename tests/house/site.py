@@ -59,3 +59,8 @@ def site_link(target: str, folder: PurePosixPath) -> str:
         return target
     up = "../" * (len(folder.parts) - 1)
     return f"{up}{inside}"
+
+
+def anchor_of(heading: str) -> str:
+    """The name by which a heading is reached, on GitHub and in the site."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")

@@ -70,7 +70,7 @@ def remedies(source: str) -> Iterator[Remedy]:
                 if isinstance(call, ast.Call) and (parts := _parts(call)) is not None:
                     title, message, hint = parts
                     for says, do in _pairs(_texts(message, assigned, call.lineno), _texts(hint, assigned, call.lineno)):
-                        yield from _row(f"{_text(title)}: {says}" if title is not None else says, do)
+                        yield from _row(f"{said(title)}: {says}" if title is not None else says, do)
 
 
 def _parts(call: ast.Call) -> tuple[ast.expr | None, ast.expr, ast.expr] | None:
@@ -108,28 +108,28 @@ def _assigned(function: ast.AST) -> dict[str, list[tuple[int, str]]]:
         targets = one.targets if isinstance(one, ast.Assign) else []
         for target in targets:
             if isinstance(target, ast.Name) and isinstance(one, ast.Assign):
-                found.setdefault(target.id, []).append((one.lineno, _text(one.value)))
+                found.setdefault(target.id, []).append((one.lineno, said(one.value)))
     return {name: sorted(given) for name, given in found.items()}
 
 
 def _texts(node: ast.expr, assigned: dict[str, list[tuple[int, str]]], line: int) -> list[str]:
     """What an expression may say in a line."""
     if not isinstance(node, ast.Name):
-        return [_text(node)]
+        return [said(node)]
     return [text for at, text in assigned.get(node.id, []) if at <= line] or [OPEN]
 
 
-def _text(node: ast.expr) -> str:
+def said(node: ast.expr) -> str:
     """What an expression says; `…` for what is known only when it runs."""
     match node:
         case ast.Constant(value=str(value)):
             return value
         case ast.JoinedStr(values=values):
-            return "".join(_text(one) if isinstance(one, ast.Constant) else OPEN for one in values)
+            return "".join(said(one) if isinstance(one, ast.Constant) else OPEN for one in values)
         case ast.BinOp(left=left, right=right):
-            return _text(left) + _text(right)
+            return said(left) + said(right)
         case ast.IfExp(body=body):
-            return _text(body) or OPEN
+            return said(body) or OPEN
     return OPEN
 
 

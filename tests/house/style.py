@@ -1,4 +1,4 @@
-"""Phrases of documents, help and claims that have a plainer form."""
+"""Phrases of documents and help that have a plainer form."""
 
 import ast
 import re
@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from tests.evidence.__main__ import BARS
 from tests.house.measure import read_modules
 
 ROOT: Final = Path(__file__).parents[2]
@@ -21,7 +20,7 @@ PAGES: Final = (
     *sorted(ROOT.glob("*.md")),
     *sorted(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "evidence"),
 )
-"""What people read. Of `docs/evidence` the claims count; its rows are names of tests and texts of programs."""
+"""What people read; of `docs/evidence` the claims are checked where they are written."""
 _QUOTED: Final = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 
 
@@ -41,10 +40,9 @@ def help_texts() -> Iterator[tuple[str, str]]:
 
 
 def texts() -> Iterator[tuple[str, str]]:
-    """Everything that the style check reads, with where it is: pages, help of the commands, claims of the evidence."""
+    """Pages and texts behind the help of the commands, with where they are."""
     yield from ((str(page.relative_to(ROOT)), page.read_text(encoding="utf-8")) for page in PAGES)
     yield from help_texts()
-    yield from ((f"evidence {bar.name}", f"{bar.title}. {bar.claim}") for bar in BARS)
 
 
 def findings(read: Iterable[tuple[str, str]]) -> Iterator[tuple[str, str]]:

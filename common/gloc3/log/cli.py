@@ -114,7 +114,7 @@ def why(file: Path, what: str, /) -> int:
 
     Args:
         file: The log, or the folder of a run: its last one.
-        what: A time in seconds (the last event until then), or a part of an event's text.
+        what: A time in seconds, for the last event until then, or part of an event's text.
     """
     with LogReader(find_log(file), TopicTable.installed().types) as reader:
         reader.require_ours("events", *HAPPENINGS)
@@ -250,7 +250,7 @@ def convert_(file: Path, /, *, to: LogFormat, out: Path | None = None, topic: st
         file: The log, or the folder of a run: its last one.
         to: kml, gpx and geojson for maps; csv and parquet for tables; rosbag2 for ROS 2.
         out: The new file (or, of a bag, folder); by default beside the log. It must not exist.
-        topic: For tables: the topic whose messages are the rows.
+        topic: For tables: the topic whose messages become the rows.
         origin: LATITUDE,LONGITUDE,ALTITUDE of the local frame, in deg and m, where the log has none.
     """
     with LogReader(find_log(file), TopicTable.installed().types) as reader:

@@ -386,7 +386,7 @@ def show(file: Path, /, *, json: Annotated[bool, Parameter(negative=())] = False
 
     Args:
         file: A member's network.yaml.
-        json: Print the rules given to Zenoh.
+        json: Print the access rules that Zenoh applies, as JSON.
     """
     membership = _read(file)
     own = membership.file

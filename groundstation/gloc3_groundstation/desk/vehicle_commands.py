@@ -139,7 +139,7 @@ class VehicleCommands:
                     f"{command}: nothing heard of {name} for {wording.duration(known.age_s(now_s))}"
                 ) from None
             shown = self._shown(name)
-            raise NotDone(f"{command}: accepted, and not done within {wording.duration(within_s)}: {shown}") from None
+            raise NotDone(f"{command}: accepted, but not done within {wording.duration(within_s)}: {shown}") from None
         return self._shown(name)
 
     # --- without a companion ---

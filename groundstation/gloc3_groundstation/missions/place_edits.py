@@ -99,9 +99,9 @@ def removed(text: str, handle: Handle) -> str:
         Refused: it is the only one, or its list needs it.
     """
     if not handle.is_in_list:
-        raise Refused(f"{handle.label} cannot be left out; remove its action in the text")
+        raise Refused(f"{handle.label} cannot be removed alone; remove its action in the text")
     if handle.siblings <= handle.least:
-        raise Refused(f"{handle.label} cannot be left out: {handle.least} are needed")
+        raise Refused(f"{handle.label} cannot be removed: {handle.least} are needed")
     index = handle.where[-1]
     assert isinstance(index, int)
     return without_item(text, handle.list_where, index)

@@ -155,7 +155,7 @@ class TileServer:
         others = sorted(set(re.findall(r"\{[^{}]*\}", template)) - set(PLACES))
         if missing or others:
             wrong = f"{' and '.join(missing)} missing" if missing else f"{', '.join(others)} is not known"
-            raise Refused(f"--tiles {template}: {wrong}; a URL has {{z}}, {{x}} and {{y}}")
+            raise Refused(f"--tiles {template}: {wrong}; a URL needs {{z}}, {{x}} and {{y}}")
         self.info = TileInfo(most_zoom=19)
         self._template = template
         self._kept: OrderedDict[tuple[int, int, int], Tile | None] = OrderedDict()

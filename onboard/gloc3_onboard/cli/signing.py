@@ -52,7 +52,7 @@ def new(file: Path, /) -> int:
     """Make a key: 32 random bytes, in a file that nobody else may read.
 
     Args:
-        file: Where it goes; a file that is there is left alone.
+        file: The file to write; an existing file is kept.
     """
     try:
         number = os.open(file.expanduser(), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -79,7 +79,7 @@ def set_(
     yes: Yes = False,
     over_network: OverNetwork = False,
 ) -> int:
-    """Set the key of an autopilot, after showing what that does, and check that it signs with it."""
+    """Set the key of an autopilot, and check that it signs; shows what will happen, and asks first."""
     _refuse_detour(autopilot, over_network)
     present = None if present_key is None else read_signing_key(present_key.expanduser())
     return asyncio.run(_set(autopilot, key, read_signing_key(key.expanduser()), present, is_requested=not yes))

@@ -58,7 +58,7 @@ def test_a_mission_that_is_written_for_another_platform_says_so(header: str, wan
     text = MISSION.replace("frame: hold", f"platform: {header}\nframe: hold")
     found = reported(check_text(text, "m", Circumstances(platform=pelican)))
     told = f"m:2:11: warning: it is written for {wanted}, and checked for pelican (change the line to platform: pelican"
-    assert found == ([f"{told} if that is meant)"] if wanted else [])
+    assert found == ([f"{told} if that is what you mean)"] if wanted else [])
 
 
 def test_the_examples_take_the_time_that_is_promised(pelican: Platform) -> None:

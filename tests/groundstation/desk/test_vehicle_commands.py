@@ -121,7 +121,7 @@ def test_with_a_companion_the_words_are_single_actions() -> None:
 def test_a_single_action_that_fails_or_a_vehicle_that_falls_silent_is_not_done() -> None:
     with pytest.raises(NotDone, match="land: failed"):
         commanded("land", "failed")
-    with pytest.raises(NotDone, match="land: accepted, and not done within 20 s"):
+    with pytest.raises(NotDone, match="land: accepted, but not done within 20 s"):
         commanded("land", "running")
     with pytest.raises(NoContact, match="land: nothing heard of heron"):
         commanded("land", "", is_deaf=True)

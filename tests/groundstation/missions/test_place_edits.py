@@ -147,9 +147,9 @@ def test_a_place_that_is_needed_is_not_left_out() -> None:
     text = removed(LOCAL, labelled(found, "waypoint 1 of sweep.wall"))
     assert "near the door" not in text
     (only,) = [one for one in places(text).handles if one.kind is HandleKind.WAYPOINT]
-    with pytest.raises(Refused, match=r"waypoint 1 of sweep\.wall cannot be left out: 1 are needed"):
+    with pytest.raises(Refused, match=r"waypoint 1 of sweep\.wall cannot be removed: 1 are needed"):
         removed(text, only)
-    with pytest.raises(Refused, match=r"corner 2 of sweep\.area cannot be left out: 3 are needed"):
+    with pytest.raises(Refused, match=r"corner 2 of sweep\.area cannot be removed: 3 are needed"):
         removed(LOCAL, labelled(found, "corner 2 of sweep.area"))
     with pytest.raises(Refused, match="remove its action in the text"):
         removed(GEO, labelled(places(GEO, EARTH), "waypoint of fly.there"))

@@ -363,7 +363,7 @@ def _written_for_another(platform: Platform | None, mission: Mission, reading: R
     wanted = named_platform(mission.platform) if platform is not None else ""
     if platform is not None and wanted and wanted != platform.platform:
         message = f"it is written for {wanted}, and checked for {platform.platform}"
-        hint = f"change the line to platform: {platform.platform} if that is meant"
+        hint = f"change the line to platform: {platform.platform} if that is what you mean"
         yield reading.document.finding(("platform",), message, hint, is_warning=True)
 
 

@@ -50,5 +50,5 @@ def assignment_findings(
                 yield document.finding(where, message, f"its platform: {stated}")
             elif wanted != EACH and name in whose:
                 message = f"{name} is assigned to {whose[name]} already"
-                yield document.finding(where, message, "leave it out of one of the lists")
+                yield document.finding(where, message, "remove it from one of the lists")
             whose.setdefault(name, platform)

@@ -186,7 +186,7 @@ def show(
         mission: The mission to draw.
         platforms: The platform that flies it, for better estimates. May be given again: tasks with platform: any are
             assigned to those given.
-        terrain: A folder with terrain tiles (SRTM .hgt or .hgt.zip): draws the heights over the ground, too.
+        terrain: A folder with terrain tiles (SRTM .hgt or .hgt.zip), to draw heights above the ground as well.
         mermaid_output: Draw a Mermaid flowchart instead.
         svg: Draw its path in plan view and its order over time into this file instead.
     """

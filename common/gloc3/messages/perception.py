@@ -186,3 +186,7 @@ class SatelliteFix(Message, frozen=True):
     reason: str = ""
     height_std_m: float = 0.0
     """Standard deviation that it claims of the altitude."""
+    speed_m_s: float = 0.0
+    """Over ground; 0 where it does not say."""
+    course_deg: float = 0.0
+    """Direction of its motion over ground, from north; 0 where it does not say."""

@@ -116,6 +116,8 @@ FIX_HZ: Final = 5.0
 WHEELS_HZ: Final = 10.0
 THREE_D: Final = 3
 """GPS_FIX_TYPE from which there is a place."""
+UNSAID: Final = 0xFFFF
+"""Speed and course in GPS_RAW_INT of a receiver that does not report them."""
 USUAL_STD_M: Final = 2.5
 """Taken where the receiver does not claim an accuracy."""
 USUAL_HEIGHT_STD_M: Final = 5.0
@@ -259,4 +261,6 @@ def satellite_fix(message: MavlinkMessage) -> SatelliteFix:
         satellites=message.satellites_visible,
         is_valid=is_valid,
         reason="" if is_valid else "no satellites",
+        speed_m_s=message.vel * 1e-2 if message.vel != UNSAID else 0.0,
+        course_deg=message.cog * 1e-2 if message.cog != UNSAID else 0.0,
     )

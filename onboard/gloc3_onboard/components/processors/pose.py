@@ -31,7 +31,9 @@ AT_REST_M_S: Final = 0.2
 """Slower, a vehicle that takes off or lands stands on the ground: no autopilot climbs or sinks so slowly. So does one that
 drives or floats, which counts as off the ground as long as it is armed."""
 FROZEN_FIXES: Final = 3
-"""So many fixes of new times with the same digits are no measurements: noise alone changes them."""
+"""So many fixes of new times with all digits the same are no measurements: noise alone changes them."""
+FROZEN_PLACES: Final = 10
+"""So many with the same position alone: digits of a centimetre may repeat by chance at rest, for less long."""
 FROZEN_M_S2: Final = 0.4
 """An autopilot that follows a frozen receiver, or has no height, drifts with up to this acceleration, m/s²: 0.16 were
 seen."""
@@ -82,18 +84,20 @@ class ReceiverCheck:
         self._fix: SatelliteFix | None = None
         self._fix_s = self._changed_s = -math.inf
         self._same = 0
-        """How many fixes have repeated the last one."""
+        """How many fixes have repeated the last position."""
+        self._alike = 0
+        """How many have repeated all that the last one reports."""
         self._speeds_m_s = (0.0, 0.0)
         """Of the estimate, level and vertical, before the receiver froze."""
 
     def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool) -> None:
         """Handles a fix, valid or not; at rest on the ground receivers may hold their position."""
-        if self._fix is None or fix.place_geo != self._fix.place_geo or not fix.is_valid:
-            self._changed_s, self._same = t_s, 0
-        elif is_in_flight or self.frozen_s(t_s):
+        is_same = self._fix is not None and fix.place_geo == self._fix.place_geo and fix.is_valid
+        if is_same and (is_in_flight or self.frozen_s(t_s)):
             self._same += 1
+            self._alike = self._alike + 1 if fix == self._fix else 0
         else:
-            self._changed_s, self._same = t_s, 0
+            self._changed_s, self._same, self._alike = t_s, 0, 0
         self._fix, self._fix_s = fix, t_s
 
     def std_m(self, t_s: float) -> float:
@@ -103,7 +107,8 @@ class ReceiverCheck:
 
     def frozen_s(self, t_s: float) -> float:
         """Since when the receiver has been repeating itself, s; 0 if it does not."""
-        return t_s - self._changed_s if self._same >= FROZEN_FIXES - 1 else 0.0
+        is_frozen = self._alike >= FROZEN_FIXES - 1 or self._same >= FROZEN_PLACES - 1
+        return t_s - self._changed_s if is_frozen else 0.0
 
     def doubt(
         self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, t_s: float, plane: TangentPlane

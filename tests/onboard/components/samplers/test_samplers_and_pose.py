@@ -249,12 +249,18 @@ def test_a_height_that_nothing_measures_is_claimed_with_a_growing_deviation() ->
 
 
 def frozen(
-    landed: LandedState, velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0), *, seconds: float = 2.0, is_level: bool = False
+    landed: LandedState,
+    velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0),
+    *,
+    seconds: float = 2.0,
+    is_level: bool = False,
+    is_alive: bool = False,
 ) -> Pose:
-    """The pose after the receiver has said the same for a time, ten times a second."""
+    """The pose after the receiver has said the same for a time, ten times a second; `is_alive`: but for its speed."""
     stage = processor(std_m=0.05, is_level=is_level)
-    for _ in range(round(seconds / 0.1)):
-        fix = SatelliteFix(place_geo=HOLD, std_m=0.02, height_std_m=0.03, satellites=12)
+    for step in range(round(seconds / 0.1)):
+        speed_m_s = 0.01 * (step % 3) if is_alive else 0.0
+        fix = SatelliteFix(place_geo=HOLD, std_m=0.02, height_std_m=0.03, satellites=12, speed_m_s=speed_m_s)
         given = autopilot_pose(height=0.0, velocity_ned_m_s=velocity_ned_m_s, origin_geo=HOLD)
         stage.step(0.1, autopilot=flying(landed=landed), satellites=fix, autopilot_pose=given)
     last: Pose = stage.all(Pose)[-1]
@@ -287,6 +293,13 @@ def test_a_receiver_that_repeats_itself_off_the_ground_invalidates_the_pose_at_o
     assert not lost.is_valid
     assert "repeating one position" in lost.reason
     assert frozen(LandedState.ON_GROUND).is_valid
+
+
+def test_a_position_that_repeats_by_chance_in_a_hover_is_believed_for_a_second() -> None:
+    assert frozen(LandedState.IN_AIR, seconds=0.9, is_alive=True).is_valid
+    lost = frozen(LandedState.IN_AIR, seconds=1.5, is_alive=True)
+    assert not lost.is_valid
+    assert "repeating one position" in lost.reason
 
 
 @pytest.mark.parametrize("landed", [LandedState.TAKING_OFF, LandedState.LANDING])

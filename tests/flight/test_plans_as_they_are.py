@@ -39,6 +39,16 @@ LOOPS = (
 )
 
 
+FOR_PX4 = (
+    LOOPS.replace(" 82 ", " 16 ").replace(" 183 ", " 187 ").replace(" 115 ", " 112 ").replace(" 112 90.0", " 112 1.0")
+)
+"""The same with items that PX4 has: a waypoint, an actuator and a delay."""
+
+
+def loops(flight: Card) -> str:
+    return FOR_PX4 if flight.style == "px4" else LOOPS
+
+
 def mission(content: str, **policies: str) -> str:
     tops = "".join(f"{key}: {value}\n" for key, value in policies.items())
     carried = json.dumps({"field.waypoints": content})
@@ -57,7 +67,7 @@ def passes(flight: Card, north_m: float, east_m: float) -> int:
 
 @pytest.mark.both_styles
 def test_a_plan_with_a_jump_a_spline_and_a_servo_is_flown_from_take_off_to_landing(flight: Card) -> None:
-    flight.begin(mission(LOOPS), platform="pelican_rtk")
+    flight.begin(mission(loops(flight)), platform="pelican_rtk")
     flight.await_mode(FlightMode.MISSION, 30.0)
     flight.await_state("mission", "done", 200.0)
     assert passes(flight, 8.0, 0.0) == 2
@@ -66,13 +76,21 @@ def test_a_plan_with_a_jump_a_spline_and_a_servo_is_flown_from_take_off_to_landi
     assert not flight.autopilot.is_armed
     assert dist(flight.position_m[:2], (0.0, 0.0)) < 1.5
     held = flight.flight.simulator.autopilot.plans.mission
-    wanted = [22, 16, 82, 183, 177, 115, 19, 20]
-    assert [item.command for item in held] == ([16] if flight.style == "ardupilot" else []) + wanted
+    of_px4, of_ardupilot = [22, 16, 16, 187, 177, 112, 19, 20], [16, 22, 16, 82, 183, 177, 115, 19, 20]
+    assert [item.command for item in held] == (of_px4 if flight.style == "px4" else of_ardupilot)
+
+
+@pytest.mark.parametrize("style", ["px4"], indirect=True)
+def test_an_item_that_the_autopilot_does_not_know_is_named(flight: Card) -> None:
+    flight.begin(mission(LOOPS), platform="pelican_rtk")
+    flight.await_state("fly", "failed", 10.0)
+    (reason,) = {event.text for event in flight.events if event.text.startswith("fly.plan failed")}
+    assert "the plan could not be uploaded: item 3, NAV_SPLINE_WAYPOINT: an item's command" in reason
 
 
 def on_the_way(flight: Card, **policies: str) -> None:
     """The autopilot flies item 3 for the first time."""
-    flight.begin(mission(LOOPS, **policies), platform="pelican_rtk")
+    flight.begin(mission(loops(flight), **policies), platform="pelican_rtk")
     flight.await_mode(FlightMode.MISSION, 30.0)
     flight.until(lambda: flight.position_m[0] > 7.0 and flight.position_m[2] > 3.0, 60.0, "it has come to item 2")
     flight.until(

@@ -13,11 +13,12 @@ from gloc3.mavlink.services.mission_client import MissionClient, Transfer
 from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3.mavlink.services.version import ProtocolCapability
 from gloc3.mission.formats import load_plan, plan_text
+from gloc3.mission.formats.commands import command_name
 from gloc3.mission.formats.items import ForeignPlan
 from gloc3_groundstation.services.machines import Machines
 from gloc3_groundstation.services.plan_items import PlanDifference, PlanParts, differences, from_wire, to_wire
 from gloc3_groundstation.services.progress import OnProgress, Quietly
-from gloc3_groundstation.services.snapshot import ServicesSnapshot, SnapshotService
+from gloc3_groundstation.services.snapshot import Firmware, ServicesSnapshot, SnapshotService
 
 KINDS: Final = (PlanType.MISSION, PlanType.FENCE, PlanType.RALLY)
 _NAMES: Final = {PlanType.MISSION: "mission", PlanType.FENCE: "fence", PlanType.RALLY: "rally points"}
@@ -173,7 +174,17 @@ class PlanService:
             self._machines.settle()
         if transfer.result is not PlanResult.ACCEPTED:
             reason = transfer.result.words if transfer.result is not None else "cancelled"
-            raise Refused(f"the {_NAMES[PlanType(transfer.kind)]} was not {done}: {reason}")
+            raise Refused(
+                f"the {_NAMES[PlanType(transfer.kind)]} was not {done}: {self._refused_item(transfer)}{reason}"
+            )
+
+    def _refused_item(self, transfer: Transfer) -> str:
+        """The item of an upload that the vehicle does not take, with its number in the plan."""
+        index = transfer.refused_index
+        if index is None:
+            return ""
+        is_behind_home = transfer.kind == PlanType.MISSION and self._snapshot.snapshot.firmware is Firmware.ARDUPILOT
+        return f"item {index + (not is_behind_home)}, {command_name(transfer.items[index].command)}: "
 
     async def _differences(
         self, parts: PlanParts, snapshot: ServicesSnapshot, kinds: Sequence[PlanType], report: Quietly

@@ -12,6 +12,7 @@ from gloc3.mavlink.services.plan import PlanItem, PlanResult, PlanType
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.vehicle import Style
 from gloc3.mission.formats.as_it_is import FlyFileOrder
+from gloc3.mission.formats.commands import command_name
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem
 from gloc3.plan_wire import mission_to_wire, to_wire
 from gloc3_onboard.sensors.devices import CommandAnswer, FileProgress, GeoPath, VtolWay
@@ -71,8 +72,10 @@ class PlanUploader:
             return None
         if transfer.result is not PlanResult.ACCEPTED:
             doing = "read back" if self._is_reading else "uploaded"
+            index = None if self._is_reading else transfer.refused_index
+            item = "" if index is None else f"{self._item_name(index)}: "
             return self._ticket, CommandAnswer(
-                False, f"the {self._words} could not be {doing}: {transfer.result.words}"
+                False, f"the {self._words} could not be {doing}: {item}{transfer.result.words}"
             )
         if not self._is_reading:
             self._is_reading = True
@@ -81,6 +84,10 @@ class PlanUploader:
         if not self._is_same(transfer.items):
             return self._ticket, CommandAnswer(False, f"the autopilot read back another {self._words} than was sent")
         return self._ticket, CommandAnswer(True, "")
+
+    def _item_name(self, index: int) -> str:
+        """An item for people."""
+        return f"item {index + 1}, {command_name(self._items[index].command)}"
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:
         """Whether all that must be is the same: an autopilot may change frame and flags."""
@@ -311,6 +318,10 @@ class FileUpload(PlanUploader):
         state = self._client.states.get(self._target, 0) if self._target is not None else 0
         self._was_active |= self._has_begun and state == ACTIVE
         return self.progress._replace(is_complete=self._was_active and state == COMPLETE)
+
+    def _item_name(self, index: int) -> str:
+        """An item with its number in the file."""
+        return f"item {index + self._behind}, {command_name(self._items[index].command)}"
 
     def _is_same(self, held: Sequence[PlanItem]) -> bool:
         """Whether the autopilot holds these items; it has its own home, and rounds heights and parameters."""

@@ -162,6 +162,12 @@ OTHER_MISSION: Final = frozenset(
 )
 ARDUPILOT_ONLY: Final = frozenset(
     {
+        MissionCommand.SPLINE_WAYPOINT,
+        MissionCommand.CONDITION_YAW,
+        MissionCommand.SET_MODE,
+        MissionCommand.SET_SERVO,
+        MissionCommand.DIGICAM_CONFIGURE,
+        MissionCommand.FENCE_ENABLE,
         MissionCommand.LOITER_TURNS,
         MissionCommand.CHANGE_HEIGHT,
         MissionCommand.GUIDED_ENABLE,
@@ -182,7 +188,7 @@ ARDUPILOT_ONLY: Final = frozenset(
         MissionCommand.DO_JUMP_TAG,
     }
 )
-"""Items that PX4's mission knows nothing of (its mission feasibility checker)."""
+"""Items that PX4's mission knows nothing of (its module `mavlink`, mavlink_mission.cpp)."""
 
 PX4_WITH_PLACE: Final = POSITIONED | TAKE_OFFS | LANDINGS | {MissionCommand.SET_ROI, MissionCommand.SET_ROI_LOCATION}
 """Items that PX4 takes in a frame of places; all others it takes in MAV_FRAME_MISSION alone."""
@@ -196,6 +202,7 @@ FENCE_COMMANDS: Final = frozenset(command for command in MissionCommand if 5000 
 
 _RELATIVE: Final = frozenset({3, 6, 10, 11})
 _ABSOLUTE: Final = frozenset({0, 5})
+_ABOVE_TERRAIN: Final = frozenset({10, 11})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -259,7 +266,7 @@ def check_mission_item(
     if is_px4 and item.command not in PX4_WITH_PLACE and item.frame != FRAME_MISSION:
         return PlanResult.UNSUPPORTED, f"command {item.command} is not supported in frame {item.frame}"
     if item.command in POSITIONED | TAKE_OFFS | LANDINGS:
-        if item.frame not in _RELATIVE | _ABSOLUTE:
+        if item.frame not in _RELATIVE | _ABSOLUTE or (is_px4 and item.frame in _ABOVE_TERRAIN):
             return PlanResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
         result, reason = _check_place(item)
         if result is not PlanResult.ACCEPTED:

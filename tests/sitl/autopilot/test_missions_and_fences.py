@@ -107,6 +107,22 @@ def test_px4_takes_what_names_no_place_in_the_frame_for_that_alone(style: str) -
 
 
 @STYLES
+@pytest.mark.parametrize(
+    ("command", "frame", "refusal"),
+    [
+        (82, 3, PlanResult.UNSUPPORTED),
+        (115, 2, PlanResult.UNSUPPORTED),
+        (183, 2, PlanResult.UNSUPPORTED),
+        (16, 10, PlanResult.UNSUPPORTED_FRAME),
+    ],
+)
+def test_px4_refuses_what_its_missions_do_not_know(style: str, command: int, frame: int, refusal: PlanResult) -> None:
+    bench = Bench(style)
+    items = with_home(bench, bench.item(TAKE_OFF), bench.item(command, 5.0, frame=frame))
+    assert bench.upload(items) is (refusal if bench.is_px4 else PlanResult.ACCEPTED)
+
+
+@STYLES
 def test_a_mission_pauses_and_goes_on(style: str) -> None:
     bench = Bench(style)
     bench.set_parameter("MPC_XY_CRUISE" if bench.is_px4 else "WP_SPD", 3.0)

@@ -13,7 +13,7 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.round_trip import RESTLESS_S, RoundTrip
 from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.item_receiver import SILENT_S, ItemReceiver, Need
-from gloc3.mavlink.services.plan import ALL_TYPES, Plan, PlanItem, PlanResult, PlanType, read_item
+from gloc3.mavlink.services.plan import ALL_TYPES, ITEM_REFUSALS, Plan, PlanItem, PlanResult, PlanType, read_item
 
 RESTART_S: Final = 6.0
 """Silence in the middle of a transfer after which it is restarted, s: the other end has given up, or restarted."""
@@ -72,6 +72,12 @@ class Transfer:
         self._tried_s: float | None = None
         self._is_first_try = True
         self._received_s = 0.0
+
+    @property
+    def refused_index(self) -> int | None:
+        """Index of the uploaded item that was refused; None where nothing was, or not for an item."""
+        of_item = self.result is not None and self.result in ITEM_REFUSALS
+        return self._sent if of_item and 0 <= self._sent < len(self.items) else None
 
     @property
     def progress(self) -> float:

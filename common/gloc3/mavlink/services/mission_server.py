@@ -37,6 +37,12 @@ FLOAT_AFTER: Final = 3
 CURRENT_PERIOD_S: Final = 1.0
 
 
+def accept_item(kind: PlanType, index: int, count: int, item: PlanItem) -> PlanResult:
+    """Accepts any item."""
+    del kind, index, count, item
+    return PlanResult.ACCEPTED
+
+
 def accept_all(_kind: PlanType, _items: Plan) -> PlanResult:
     """Finds every plan acceptable."""
     return PlanResult.ACCEPTED
@@ -71,6 +77,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         kinds: the supported types of plan.
         check: checks a complete plan before it replaces the old one; None leaves the decision to the owner, who
             receives `PlanOffered` and calls `conclude`; meanwhile the last item is requested again from the sender.
+        check_item: checks an item as it comes, by kind, index, count and item; the first that is refused ends the upload.
         serves: which clients it serves; a component that is also a client of another one must not serve that one.
         admits: whether a sender may change plans now; checked before the first item, so that a sender without
             permission delays nobody.
@@ -98,6 +105,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         *,
         kinds: Collection[PlanType] = tuple(PlanType),
         check: Callable[[PlanType, Plan], PlanResult | None] = accept_all,
+        check_item: Callable[[PlanType, int, int, PlanItem], PlanResult] = accept_item,
         serves: Callable[[Address], bool] = serve_all,
         admits: Callable[[Address], bool] = admit_all,
         dialect: MissionDialect = MissionDialect(),  # noqa: B008 - immutable
@@ -112,7 +120,7 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         """The mission's item that is being done."""
         self.mission_state = 0
         """MISSION_STATE: 0 unknown, 1 none, 2 not started, 3 active, 4 paused, 5 complete."""
-        self._check = check
+        self._check, self._check_item = check, check_item
         self._serves, self._admits = serves, admits
         self._ids: dict[PlanType, tuple[Plan, int]] = {}
         self._uploads: dict[PlanType, IncomingPlan] = {}
@@ -261,8 +269,14 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
             if finished is not None and finished.is_requested_by(message, sender, now_s):
                 self._acknowledge(sender, kind, finished.result)
             return
-        if not upload.items.receive(message.seq, read_item(message), now_s):
+        item = read_item(message)
+        if not upload.items.receive(message.seq, item, now_s):
             return  # one that we have, or one ahead: the next is on its way, or will be asked for
+        result = self._check_item(kind, message.seq, upload.items.count, item)
+        if result is not PlanResult.ACCEPTED:
+            del self._uploads[kind]
+            self._acknowledge(sender, kind, result)
+            return
         if upload.items.is_complete:
             del self._uploads[kind]
             self._judge(kind, tuple(upload.items.items), sender, PlanAcknowledgement(kind), message, now_s)

@@ -147,6 +147,11 @@ class PlanResult(IntEnum):
         return cls(number) if number <= cls.CANCELLED else cls.OTHER
 
 
+ITEM_REFUSALS: Final = frozenset(
+    {PlanResult.UNSUPPORTED_FRAME, PlanResult.UNSUPPORTED}
+    | {result for result in PlanResult if PlanResult.INVALID <= result <= PlanResult.INVALID_PARAM7_Z}
+)
+"""Results that are about the item which was sent last."""
 _WORDS: Final = {
     PlanResult.ERROR: "the other end failed",
     PlanResult.UNSUPPORTED_FRAME: "an item's frame is not supported",

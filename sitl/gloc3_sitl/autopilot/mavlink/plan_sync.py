@@ -35,7 +35,10 @@ class PlanSync:
         self._context = context
         self._first = context.craft.first_item
         self.server: Final = MissionServer(
-            context.own, check=self._check, dialect=MissionDialect(tells_current=False, is_old=not context.is_px4)
+            context.own,
+            check=self._check,
+            check_item=self._check_item,
+            dialect=MissionDialect(tells_current=False, is_old=not context.is_px4),
         )
         self._reported_home: object = None
 
@@ -61,23 +64,24 @@ class PlanSync:
     def _is_vtol(self) -> bool:
         return self._context.craft.vtol is not None
 
+    def _check_item(self, kind: PlanType, index: int, count: int, item: PlanItem) -> PlanResult:
+        """Both firmwares refuse an item as it comes."""
+        given = stored(item)
+        if kind is PlanType.FENCE:
+            result, reason = check_fence_item(given)
+        elif kind is PlanType.RALLY:
+            result, reason = check_rally_item(given)
+        elif index < self._first:
+            return PlanResult.ACCEPTED  # home, whatever it says
+        else:
+            result, reason = check_mission_item(given, count, is_vtol=self._is_vtol, is_px4=self._context.is_px4)
+        if result is not PlanResult.ACCEPTED:
+            self._context.craft.send_text(
+                Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}"
+            )
+        return result
+
     def _check(self, kind: PlanType, items: Plan) -> PlanResult:
-        checks = {
-            PlanType.MISSION: lambda item: check_mission_item(
-                item, len(items), is_vtol=self._is_vtol, is_px4=self._context.is_px4
-            ),
-            PlanType.FENCE: check_fence_item,
-            PlanType.RALLY: check_rally_item,
-        }
-        for index, item in enumerate(items):
-            if kind is PlanType.MISSION and index < self._first:
-                continue  # home, whatever it says
-            result, reason = checks[kind](stored(item))
-            if result is not PlanResult.ACCEPTED:
-                self._context.craft.send_text(
-                    Severity.CRITICAL, f"{kind.name.capitalize()} rejected: item {index}: {reason}"
-                )
-                return result
         if kind is PlanType.FENCE:
             try:
                 StoredPlans().set_fence(tuple(stored(item) for item in items))

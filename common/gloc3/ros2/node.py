@@ -43,6 +43,8 @@ HEARTBEAT_S: Final = 0.5
 """Period at which a latched publisher announces its last message to those that may have missed it, s."""
 ANSWER_S: Final = 5.0
 """Default time for the response of a service, s."""
+REASONS_KEPT: Final = 32
+"""Different reasons for which messages are not accepted; others send the messages, so there may be any number."""
 SERVED_S: Final = 0.1
 """Period at which a client looks for a server, s."""
 
@@ -312,6 +314,8 @@ class RosNode:
 
     def _count(self, reason: str) -> None:
         with self._lock:
+            if reason not in self.problems and len(self.problems) >= REASONS_KEPT:
+                reason = "further messages are not accepted"
             self.problems[reason] = self.problems.get(reason, 0) + 1
 
 
@@ -333,6 +337,8 @@ def open_node(network: RosNetwork, name: str) -> Iterator[RosNode]:
 
 
 def _session(network: RosNetwork) -> zenoh.Session:
+    if "/" not in network.router:
+        raise Gloc3Error(f"{network.router!r} is no Zenoh endpoint of a router; write it as {ROUTER}")
     try:
         if network.config is not None:
             config = zenoh.Config.from_file(str(network.config))

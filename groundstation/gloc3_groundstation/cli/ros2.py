@@ -113,6 +113,10 @@ async def _run(options: RosOptions, setup: "StationSetup", network: "RosNetwork"
             bridge = RosBridge(desk, node, Clock(ground.loop).utc_s, options.rate, narrate, missions)
             narrate(f"{node.name} in domain {network.domain} of ROS 2 at {network.config or network.router}")
             narrate(f"listening on {ground.links.describe()}")
+            if missions is not None and network.config is None:
+                narrate(
+                    "warning: every node at that router can command missions; --read-only or --zenoh-config prevent it"
+                )
             with ending.requested(ended.set):
                 bridge.open()
                 await ended.wait()

@@ -84,20 +84,18 @@ class RosSource(ThreadedSource[T]):
 
     def _messages(self, came: "queue.Queue[Received]", problems: dict[str, int]) -> Iterator[T | None]:
         clock, delay_s, has_understood = BootClock(), self._url.number("delay_s", 0.0), False
-        refused: dict[str, int] = {}
+        reason, refused = "", 0
         while True:
-            if not has_understood:
-                for reason, number in {**problems, **refused}.items():
-                    if number > _NONSENSE:
-                        raise Gloc3Error(f"{self.name}: {reason}")
+            unread = dict(problems)
+            if not has_understood and refused + sum(unread.values()) > _NONSENSE:
+                raise Gloc3Error(f"{self.name}: {reason or next(iter(unread))}")
             try:
                 message = came.get(timeout=WAIT_S).message
                 stamp_s, item = self.convert(message)
             except queue.Empty:
                 yield None
             except ValueError as error:
-                reason = f"{self._url.place}: {error}"
-                refused[reason] = refused.get(reason, 0) + 1
+                reason, refused = f"{self._url.place}: {error}", refused + 1
                 yield None
             else:
                 has_understood = True

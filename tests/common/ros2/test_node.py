@@ -8,7 +8,7 @@ import pytest
 from tests.ros_peer import TRIGGER, Peer, peer, router, until
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.ros2.node import Received, RosNetwork, RosNode, open_node
+from gloc3.ros2.node import REASONS_KEPT, Received, RosNetwork, RosNode, open_node
 from gloc3.ros2.wire import LATCHED, STATE, Entity, EntityKind, Qos
 
 pytestmark = pytest.mark.sockets
@@ -117,6 +117,20 @@ def test_another_version_of_a_type_is_counted_not_decoded(node: RosNode, other: 
     assert received == []
 
 
+def test_reasons_are_not_kept_without_end(endpoint: str, node: RosNode) -> None:
+    node.subscribe("/test/text", "std_msgs/String", lambda _: None, STATE)
+    with open_node(RosNetwork(router=endpoint), "/other") as other:
+        session = other._session
+
+        def came() -> bool:
+            for number in range(REASONS_KEPT + 8):
+                session.put(f"0/test/text/std_msgs::msg::dds_::String_/RIHS01_{number}", b"")
+            return "further messages are not accepted" in node.problems
+
+        until(came)
+    assert len(node.problems) == REASONS_KEPT + 1
+
+
 def test_humble_has_no_hashes(endpoint: str, node: RosNode) -> None:
     received: list[Received] = []
     node.subscribe("/test/text", "std_msgs/String", received.append, STATE)
@@ -151,9 +165,9 @@ def test_without_a_router_a_node_opens_and_waits() -> None:
         assert not alone.is_connected
 
 
-def test_a_wrong_endpoint_is_refused_with_its_text() -> None:
-    with (
-        pytest.raises(Gloc3Error, match="cannot be opened at nonsense"),
-        open_node(RosNetwork(router="nonsense"), "/a"),
-    ):
+@pytest.mark.parametrize(
+    ("endpoint", "reason"), [("nonsense", "'nonsense' is no Zenoh endpoint"), ("carrier/pigeon", "at carrier/pigeon: ")]
+)
+def test_a_wrong_endpoint_is_refused_with_its_text(endpoint: str, reason: str) -> None:
+    with pytest.raises(Gloc3Error, match=reason), open_node(RosNetwork(router=endpoint), "/a"):
         pass

@@ -14,10 +14,12 @@ from tests.groundstation.looked_at import Viewer, pose, preview
 from tests.groundstation.scripted_platform import ScriptedPlatform, refused
 from tests.ros_peer import TRIGGER, Peer, peer, router
 
+from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
 from gloc3.messages.command_interface import Steer, Verb, Watch
 from gloc3.ros2.node import RosNetwork, open_node
 from gloc3.ros2.wire import Entity, EntityKind
+from gloc3_groundstation.cli.ros2 import app
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.ros2.bridge import RosBridge
 from gloc3_groundstation.ros2.missions import MissionServices
@@ -171,3 +173,30 @@ async def test_a_bridge_that_may_only_read_serves_nothing(tmp_path: Path) -> Non
         reports = seen.peer.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         await until(lambda: reports)
         assert seen.services == set()
+
+
+async def test_a_router_that_is_not_there_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gloc3_groundstation.ros2.bridge.WITHOUT_ROUTER_S", 0.0)
+    station = Station(LocalExchange(), asyncio.get_running_loop(), "255", 11)
+    reports: list[str] = []
+    with open_node(RosNetwork(router="tcp/127.0.0.1:1"), "/gloc3") as node:
+        bridge = RosBridge(Desk(station), node, lambda: EPOCH_S, 20.0, reports.append, None)
+        bridge.open()
+        bridge.close()
+    station.close()
+    assert reports == ["no router of ROS 2 at tcp/127.0.0.1:1: start one, such as rmw_zenohd"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--read-only", "--mission", "hop"], "--mission goes without --read-only"),
+        (["--zenoh-config", "nowhere.json5"], "--zenoh-config nowhere.json5: there is no such file"),
+        (["--mission", "nope"], "no such mission"),
+        (["--router", "nonsense", "--link", "udpout://127.0.0.1:9"], "'nonsense' is no Zenoh endpoint"),
+        (["--node", "a b", "--link", "udpout://127.0.0.1:9"], "'a b' is no name in ROS"),
+    ],
+)
+def test_wrong_use_is_refused_with_the_reason(arguments: list[str], reason: str) -> None:
+    with pytest.raises(Gloc3Error, match=reason):
+        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")

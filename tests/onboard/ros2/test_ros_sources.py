@@ -167,3 +167,20 @@ def test_a_name_that_ros_does_not_allow_is_refused_when_the_device_is_opened() -
         estimator("tcp/127.0.0.1:1", "front-camera/odometry").connect(),
     ):
         pass
+
+
+@pytest.mark.sockets
+def test_a_topic_whose_poses_are_none_is_named(endpoint: str, other: Peer) -> None:
+    device, publisher = estimator(endpoint), other.publisher("/odometry", ODOMETRY)
+    wrong = odometry(other, 1.0)
+    wrong["pose"].pose.orientation.w = 7.0
+
+    def read(stream: Iterator[Any]) -> None:
+        for _ in zip(range(200), stream, strict=False):
+            publisher.publish(**wrong)
+
+    with (
+        device.connect() as stream,
+        pytest.raises(Gloc3Error, match="estimator: odometry: the attitude is no rotation"),
+    ):
+        read(stream)

@@ -4,7 +4,6 @@ import os
 import platform
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -46,16 +45,17 @@ def environments(wheel: Path) -> dict[str, list[str]]:
     constraints = wheel.parent / "versions.txt"
     constraints.write_text(re.sub(r" \\\n +--hash=\S+", "", LOCK.read_text()), encoding="utf-8")
     for python in PYTHONS:
-        if shutil.which(f"python{python}") is None:
+        place_of = uv("python", "find", "--no-python-downloads", python)
+        if place_of.returncode != 0:
             continue
         for extra, commands in EXTRAS.items():
             with tempfile.TemporaryDirectory() as folder:
                 place = Path(folder) / "env"
                 named = f"gloc3[{extra}] @ {wheel.as_uri()}" if extra else str(wheel)
-                steps = [uv("venv", "--python", f"python{python}", str(place))]
+                steps = [uv("venv", "--python", place_of.stdout.strip(), str(place))]
                 into = ["--python", str(place / "bin" / "python")]
                 steps += [uv("pip", "install", *into, "-c", str(constraints), named), uv("pip", "check", *into)]
-                for command in commands:
+                for command in commands if steps[1].returncode == 0 else ():
                     run = [str(place / "bin" / ("python" if command[0] == "-c" else "gloc3")), *command]
                     steps.append(subprocess.run(run, cwd=folder, capture_output=True, text=True, check=False))
                 found[f"Python {python}, gloc3{f'[{extra}]' if extra else ''}"] = [

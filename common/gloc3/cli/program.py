@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 SUMMARIES: Final = {
     "sitl": "Run the simulated vehicle: physics, world and autopilot, on real sockets.",
     "onboard": "Run the onboard companion process of a platform.",
+    "update": "Change the version that the services of this computer run, and back.",
     "platform": "Make a platform file from an autopilot; check and show platform files.",
     "doctor": "Check a vehicle's computer and autopilot before a flight, without flying.",
     "preset": "Compare an autopilot's parameters with a preset's, and set them on request.",

@@ -212,6 +212,23 @@ def replace_file(path: Path, data: bytes, beside: Path | None = None) -> None:
     half.replace(path)
 
 
+def replace_link(path: Path, target: str) -> None:
+    """Has a symbolic link lead elsewhere, at one go, also on the disk.
+
+    Args:
+        path: the link, which need not be there yet; its folder must exist.
+        target: where it leads.
+
+    Raises:
+        OSError: it cannot be replaced.
+    """
+    beside = path.with_name(f".{path.name}.new")
+    beside.unlink(missing_ok=True)
+    beside.symlink_to(target)
+    beside.replace(path)
+    sync(path.parent)
+
+
 def sync(path: Path) -> None:
     """Returns when the disk has a file, or a folder's names.
 

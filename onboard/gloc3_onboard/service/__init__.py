@@ -1,6 +1,6 @@
 """The onboard process as a systemd service: reports to its manager, unit, logs, reload of settings.
 
-`service` is the life of the process under systemd, `install` writes the unit.
+`service` is the life of the process under systemd, `install` writes the unit, `update` changes the version that it runs.
 """
 
-__all__ = ["commands", "manager", "service"]
+__all__ = ["commands", "environments", "manager", "service", "update"]

@@ -26,6 +26,7 @@ from gloc3_onboard.hosts.shared import check_member
 from gloc3_onboard.process.process import DEVICES
 from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.source_url import SERIAL_GROUP
+from gloc3_onboard.service.environments import CURRENT
 from gloc3_onboard.service.needs import DeviceNode, allowed, arguments, homes, keys, modules, nodes
 from gloc3_onboard.service.unit import SystemdUnit
 
@@ -217,8 +218,10 @@ def _network(platform: Platform, host: str, path: Path | None) -> list[Path]:
 
 
 def _program() -> tuple[str, ...]:
-    """This program, as a unit names it."""
-    script = Path(sys.executable).parent / "gloc3"
+    """This program, as a unit names it: of several versions by the link to the one in use, which updates change."""
+    current = Path(sys.prefix).parent / CURRENT
+    in_use = current if current.is_symlink() and current.resolve() == Path(sys.prefix).resolve() else None
+    script = (in_use / "bin" if in_use else Path(sys.executable).parent) / "gloc3"
     return (str(script),) if script.exists() else (sys.executable, "-m", "gloc3")
 
 

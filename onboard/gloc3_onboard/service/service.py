@@ -12,11 +12,12 @@ from gloc3.component.hosted import HUNG
 from gloc3.component.lci import State
 from gloc3.exchange.base import Exchange
 from gloc3.messages.envelope import ComponentStatus, Envelope, Severity
-from gloc3.messages.summaries import WELL, Health, MissionSummary, Summary, VehicleSummary
+from gloc3.messages.summaries import Health, MissionSummary, Summary, VehicleSummary
 from gloc3.platform.platform import Platform
 from gloc3_onboard.service.departure import Departure
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.reload import PlatformReload
+from gloc3_onboard.service.status import ServiceStatus
 
 STOPS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -170,7 +171,8 @@ class ServiceReport:
     def _receive_summary(self, envelope: Envelope[Summary]) -> None:
         self._summary = summary = envelope.payload
         if not self._is_ending:
-            self._manager.status(self._describe(summary))
+            status = ServiceStatus.of(self._platform, summary, self._hung, self._vehicle, self._mission)
+            self._manager.status(status.text())
         if not self._is_ready and not self._is_beginning():
             self._begun_s = min(self._begun_s, envelope.t_s)
             is_in_contact = all(list(Health)[line.state] is not Health.ABSENT for line in summary.lines)
@@ -179,26 +181,3 @@ class ServiceReport:
                 self._manager.ready()
         if set(self._hung) <= set(self._in_charge.values()):
             self._manager.alive()
-
-    def _describe(self, summary: Summary) -> str:
-        healths = [list(Health)[line.state] for line in summary.lines]
-        well = sum(health in WELL for health in healths)
-        words = [f"{self._platform} is {summary.health}: {well} of {len(healths)} components work"]
-        words += [f"{name} {cause}" for name, cause in self._hung.items()]
-        vehicle, mission = self._vehicle, self._mission
-        if vehicle is not None:
-            words.append(_vehicle(vehicle))
-        if mission is not None and mission.name:
-            words.append(
-                f"mission {mission.name!r} {mission.state}" + (f", {mission.policy}" if mission.policy else "")
-            )
-        return "; ".join(words)
-
-
-def _vehicle(vehicle: VehicleSummary) -> str:
-    if not vehicle.is_autopilot_connected:
-        return "no autopilot is connected"
-    armed = "armed" if vehicle.is_armed else "disarmed"
-    who = "the autopilot's failsafe" if vehicle.is_failsafe else "an operator" if vehicle.is_operators else "a pilot"
-    pilot = f", {who} has control" if vehicle.has_pilot_control else ""
-    return f"{armed}, {vehicle.landed.replace('_', ' ')}, {vehicle.mode}{pilot}"

@@ -1,6 +1,7 @@
 """Unit of systemd that runs `gloc3 onboard` as a service: its text, derived from the service's needs."""
 
 import re
+import shlex
 from pathlib import Path
 from typing import Final
 
@@ -162,3 +163,18 @@ def quoted(word: str) -> str:
     if _PLAIN.fullmatch(text):
         return text
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\t", "\\t") + '"'
+
+
+def command_of(text: str) -> tuple[str, ...]:
+    """The program and its arguments in a unit file that `SystemdUnit` has written; empty where it has none."""
+    for line in text.split("\n"):
+        if line.startswith("ExecStart="):
+            words = shlex.split(line.partition("=")[2])
+            return tuple(word.replace("%%", "%").replace("$$", "$") for word in words)
+    return ()
+
+
+def user_of(text: str) -> str:
+    """The user in a unit file that `SystemdUnit` has written; empty where it has none."""
+    found = re.search(r"^User=(\S+)$", text, re.MULTILINE)
+    return "" if found is None else found[1]

@@ -90,7 +90,7 @@ class VehicleSide:
         self._may_write = True
         self._autopilot_url = autopilot_url
         events = parts.add("autopilot events", LinkReports(exchange, name, self._boot(), loop.time))
-        narration = EventNarration(exchange, name, ["*"], inputs.report)
+        narration = EventNarration(exchange, name, ["*"], inputs.report, inputs.journal)
         parts.add("event narration", narration, narration.close)
         authority = ArmAuthority(exchange, name)
         parts.add("arm authority", authority, authority.close)

@@ -18,6 +18,7 @@ from gloc3_onboard.command_server.log_shelf import LogStoreBase
 from gloc3_onboard.command_server.site import Usage
 from gloc3_onboard.companion.routing import Keep
 from gloc3_onboard.process.event_narration import Report
+from gloc3_onboard.process.journal import SystemdJournal
 from gloc3_onboard.process.runner import Create, HostMember
 from gloc3_onboard.process.vitals import Vitals
 from gloc3_onboard.sensors.devices import Rig
@@ -109,6 +110,8 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Of the members of the network."""
     report: Report = lambda _severity, _text: None
     """Called with messages for the person at the terminal."""
+    journal: SystemdJournal | None = None
+    """systemd's journal, which takes the components' events instead; None for none."""
     keep: Keep | None = None
     """Receives each MAVLink frame, for a log."""
     vitals: Callable[[], Vitals] = Vitals

@@ -108,6 +108,8 @@ def life() -> dict[str, Any]:
         found["stop_s"], found["result"] = time.monotonic() - begin_s, systemd.property(UNIT, "Result")
         found["journal"] = systemd.request("journalctl", "-u", UNIT, "--no-pager", "-o", "cat")
         found["errors"] = systemd.request("journalctl", "-u", UNIT, "-p", "err", "--no-pager", "-o", "cat")
+        by_component = ["journalctl", "-u", UNIT, "COMPONENT=stuck", "--no-pager", "-o", "cat", "--output-fields=EVENT"]
+        found["events"] = systemd.request(*by_component)
         found["logs"] = systemd.request("ls", "/var/log/gloc3/bench").split()
     return found
 
@@ -135,6 +137,12 @@ def run(progress: Progress) -> list[Figure]:
             found["hang_s"] <= 25.0,
         ),
         Figure("… the journal has it as an error", str(reported in errors), "True", reported in errors),
+        Figure(
+            "… found by journalctl COMPONENT=stuck",
+            str("working -> faulty: hung" in found["events"]),
+            "True",
+            "working -> faulty: hung" in found["events"],
+        ),
         Figure("… and says where it hung", str("stuck_sampler.py" in journal), "True", "stuck_sampler.py" in journal),
         Figure("… ended by SIGABRT, with all threads in the journal", str(aborted), "True", aborted),
         Figure("killed: READY again after, in s", f"{found['back_s']:.1f}"),

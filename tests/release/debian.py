@@ -16,7 +16,7 @@ from tests.house.notice import ROOT
 
 HOME: Final = Path("opt/gloc3")
 """Folder of all versions, and of the link `current` to the one that is used."""
-SCRIPTS: Final = Path(__file__).parent / "debian"
+SCRIPTS: Final = Path(__file__).parent / "maintainer_scripts"
 
 
 class Target(NamedTuple):

@@ -61,6 +61,9 @@ class OnboardOptions:
     log_total: float = 10_000.0
     """Total size of the folder's logs in megabytes above which the oldest are deleted, never the current one and no
     pictures; 0 to keep all."""
+    metrics: str = ""
+    """Serve metrics for Prometheus over HTTP at HOST:PORT, such as 127.0.0.1:9100: states, rates, cycle times and losses
+    of the components, links, battery, memory; docs/onboard-service.md. They are neither encrypted nor protected."""
     quiet: Flag = False
     """No narration on stderr."""
 
@@ -72,6 +75,10 @@ class OnboardOptions:
         """
         from gloc3.mavlink.transport.endpoints import parse_url
 
+        if self.metrics:
+            from gloc3_onboard.process.metrics import parse_address
+
+            parse_address(self.metrics)
         for url in (self.autopilot, *self.station, *filter(None, (self.acoustic,))):
             parse_url(url)
         if not 1 <= self.system_id <= MOST_SYSTEM_ID:

@@ -6,8 +6,10 @@
 __all__ = [
     "computer",
     "event_narration",
+    "journal",
     "log_files",
     "memory",
+    "metrics",
     "options",
     "process",
     "run_log",

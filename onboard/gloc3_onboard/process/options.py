@@ -32,6 +32,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     log_limits: LogLimits = LogLimits()
     host: str | None = None
     """Which of the platform's hosts this is; None for the only one."""
+    metrics: str = ""
+    """HOST:PORT where metrics for Prometheus are served; empty for nowhere."""
     network: Path | None = None
     """The network file of this host; None where nothing leaves this computer but MAVLink."""
 

@@ -8,7 +8,7 @@ from functools import partial
 from random import SystemRandom
 from typing import Any, Final
 
-from gloc3.cli.narration import Narrator, narrate
+from gloc3.cli.narration import Narrator, is_journal, narrate
 from gloc3.clock import Clock, utc_now
 from gloc3.component.context import HostContext
 from gloc3.component.host import ComponentHost
@@ -30,6 +30,7 @@ from gloc3_onboard.hosts.other_processes import OtherProcesses
 from gloc3_onboard.hosts.shared import SharedExchange, alone, check_member, open_shared
 from gloc3_onboard.inputs import Attachment, Hosting, VehicleInputs, devices_of, open_sensors
 from gloc3_onboard.process.computer import HostComputer
+from gloc3_onboard.process.journal import SystemdJournal
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.process_storage import ProcessStorage, key_of
 from gloc3_onboard.process.runner import HOST_DEVICES
@@ -150,11 +151,12 @@ class OnboardProcess:
         return HostComputer(storage.logs, context.clock, self._log_problem, links, sensors, storage)
 
     def _inputs(self, context: HostContext) -> VehicleInputs:
-        storage, options = self._storage, self._options
+        storage, options, name = self._storage, self._options, self.platform.platform
         return VehicleInputs(
             platform=self.platform,
             context=context,
             report=self.narrate,
+            journal=SystemdJournal(f"gloc3-{name}") if is_journal() and not options.is_quiet else None,
             keep=storage.record_frame,
             vitals=VitalSigns(storage.logs).sample,
             sign=storage.sign,
@@ -180,12 +182,24 @@ class OnboardProcess:
         storage = self._storage.open(lambda: vehicle.path.points_ned_m, self._sensors.rig, vehicle.parts)
         vehicle.share(self._storage.files(vehicle.companion.metadata.files))
         self._others.begin()
+        if options.metrics:
+            self._serve_metrics(options.metrics)
         vehicle.host(
             self._sensors, self._computer, storage, Hosting(rows=self._rows, placeholders=self._others.placeholders)
         )
         vehicle.begin()
         count, name = len(self.platform.components), self.platform.platform
         self.narrate(Severity.INFO, f"{name}: {count} components; log in {self._storage.log}")
+
+    def _serve_metrics(self, address: str) -> None:
+        from gloc3_onboard.process.metrics import MetricsServer, is_loopback, parse_address
+
+        server = MetricsServer(self.exchange, self.platform.platform, address)
+        self.vehicle.parts.add("metrics", server, server.close)
+        host = parse_address(address)[0]
+        self.narrate(Severity.INFO, f"metrics: http://{host}:{server.port}/metrics")
+        if not is_loopback(host):
+            self.narrate(Severity.WARNING, f"metrics on {address} are open to everyone who reaches it")
 
     async def _open(
         self, url: str, attachment: Attachment, *, is_signed: bool = False, pins_autopilot: bool = False

@@ -17,6 +17,7 @@ def install(
     options: OnboardOptions = DEFAULTS,
     user: str = "gloc3",
     udev: Flag = False,
+    cpus: str = "",
     dry_run: Flag = False,
     prefix: Path = ROOT,
 ) -> int:
@@ -31,12 +32,13 @@ def install(
         options: How.
         user: Whose service it is; made if there is none.
         udev: Also write rules of udev that give the cameras and serial lines that are plugged in names that stay.
+        cpus: Which processors the service may use, such as 2-3; default: all.
         dry_run: Print what would be written; change nothing.
         prefix: Write below this folder, for the disk of another computer.
     """
     from gloc3_onboard.service.install import carry_out, make_plan
 
-    plan = make_plan(platform, options, user, with_udev=udev)
+    plan = make_plan(platform, options, user, with_udev=udev, cpus=cpus)
     if dry_run:
         for path, text in plan.files(prefix).items():
             print(f"# {path}\n{text}")  # noqa: T201

@@ -128,6 +128,8 @@ def _read(file: Path) -> str:
 
 USER: Final = re.compile(r"[a-z_][a-z0-9_-]{0,31}")
 """Of useradd."""
+CPUS: Final = re.compile(r"(\d{1,4}(-\d{1,4})?(,\d{1,4}(-\d{1,4})?)*)?")
+"""Of systemd's `CPUAffinity`."""
 UNITS: Final = Path("etc/systemd/system")
 RULES: Final = Path("etc/udev/rules.d")
 ROOT: Final = Path("/")
@@ -158,7 +160,13 @@ def rules_file(name: str) -> str:
 
 
 def make_plan(
-    name: str, options: OnboardOptions, user: str, *, with_udev: bool = False, sys_folder: Path = SYS
+    name: str,
+    options: OnboardOptions,
+    user: str,
+    *,
+    with_udev: bool = False,
+    cpus: str = "",
+    sys_folder: Path = SYS,
 ) -> InstallPlan:
     """Checks the service's needs, and makes the installation plan.
 
@@ -167,6 +175,7 @@ def make_plan(
         options: options of the process.
         user: user of the service.
         with_udev: whether devices get persistent names.
+        cpus: processors that the service may use, such as 2-3; empty for all.
         sys_folder: Linux's device tree.
 
     Raises:
@@ -176,6 +185,8 @@ def make_plan(
     options.check()
     if not USER.fullmatch(user):
         raise Refused(f"--user {user!r} is not a user name: lower-case letters, digits, _ and -, a letter or _ first")
+    if not CPUS.fullmatch(cpus):
+        raise Refused(f"--cpus {cpus!r} names no processors; give numbers from 0 and ranges, such as 2-3 or 0,2")
     for option, value in (("--out", options.out), ("--logs", options.logs)):
         if value is not None:
             raise Refused(f"{option}: a service has its folders below /var/lib/gloc3 and /var/log/gloc3")
@@ -199,6 +210,7 @@ def make_plan(
         groups=tuple(dict.fromkeys(node.group for node in found)),
         devices=allowed(found),
         modules=modules(found),
+        cpus=cpus,
         homes=homes([*files, *secrets] if word != name or Path(name).suffix else secrets),
     )
     said = [str(one) for one in warnings]

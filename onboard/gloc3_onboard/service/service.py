@@ -1,6 +1,7 @@
 """Life cycle of the onboard process: start, reload and stop, reported to the service manager."""
 
 import asyncio
+import gc
 import signal
 from collections.abc import Callable, Mapping
 from math import inf
@@ -120,12 +121,18 @@ class ServiceReport:
         exchange: source of the summaries.
         platform: the platform.
         is_beginning: whether a component is still starting.
+        settle: called once, when none is starting any more.
     """
 
     def __init__(
-        self, manager: ServiceManager, exchange: Exchange, platform: str, is_beginning: Callable[[], bool]
+        self,
+        manager: ServiceManager,
+        exchange: Exchange,
+        platform: str,
+        is_beginning: Callable[[], bool],
+        settle: Callable[[], None] = gc.freeze,
     ) -> None:
-        self._manager, self._is_beginning, self._platform = manager, is_beginning, platform
+        self._manager, self._is_beginning, self._platform, self._settle = manager, is_beginning, platform, settle
         self._is_ready = self._is_ending = False
         self._begun_s = inf
         self._hung: dict[str, str] = {}
@@ -178,6 +185,7 @@ class ServiceReport:
             is_in_contact = all(list(Health)[line.state] is not Health.ABSENT for line in summary.lines)
             if is_in_contact or envelope.t_s - self._begun_s > CONTACT_WITHIN_S:
                 self._is_ready = True
+                self._settle()  # what is loaded stays: a search for garbage among it would hold up the control path
                 self._manager.ready()
         if set(self._hung) <= set(self._in_charge.values()):
             self._manager.alive()

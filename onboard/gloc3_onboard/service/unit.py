@@ -64,6 +64,8 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
     """What `DeviceAllow` names: device nodes, and classes such as `char-ttyUSB`."""
     modules: tuple[str, ...] = ()
     """The kernel's modules that have to be loaded for the devices' classes to be known."""
+    cpus: str = ""
+    """Processors that it may use, as `CPUAffinity` names them; empty for all."""
     homes: tuple[Path, ...] = ()
     """Files and folders in people's homes that it reads."""
 
@@ -131,7 +133,10 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
                     "TasksMax=1024",
                     "LimitNOFILE=16384",
                     "LimitCORE=0",
+                    "# Before other services: by the weight among them, and by the priority within one.",
+                    "CPUWeight=1000",
                     "Nice=-5",
+                    f"CPUAffinity={self.cpus}" if self.cpus else "",
                     "",
                     *self._devices(),
                     "",

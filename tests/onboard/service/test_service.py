@@ -10,7 +10,11 @@ from pathlib import Path
 import pytest
 from tests.onboard.fake_manager import FakeManager, service
 
+from gloc3.exchange import Publisher
+from gloc3.exchange.base import LocalExchange
+from gloc3.messages.summaries import Health, Summary
 from gloc3_onboard.service.manager import ServiceManager
+from gloc3_onboard.service.service import ServiceReport
 from gloc3_sitl.demo.demo import free_ports
 
 pytestmark = pytest.mark.sockets
@@ -174,3 +178,20 @@ def test_a_reload_has_the_components_adopt_what_they_may_and_a_wrong_file_change
         "<5>onboard: reloaded: stuck: rate_hz: adopted",
         "<5>onboard: reloaded: stuck: timeout_s: takes effect at the next start",
     ]
+
+
+def test_what_is_loaded_is_left_to_the_collector_no_more_once_all_are_up() -> None:
+    exchange, is_beginning, settled = LocalExchange(), [True], list[str]()
+    report = ServiceReport(
+        ServiceManager("", None, settled.append),
+        exchange,
+        "quad",
+        lambda: is_beginning[0],
+        lambda: settled.append("once"),
+    )
+    publisher = Publisher(exchange, "quad", "command_server", 1)
+    for t_s in (1.0, 2.0, 3.0):
+        publisher.publish("quad/ci/summary", Summary(table=1, health=Health.WORKING, lines=[]), t_s)
+        assert settled == ([] if is_beginning[0] else ["once"])
+        is_beginning[0] = False
+    report.close()

@@ -222,3 +222,16 @@ def test_a_device_is_named_by_its_serial_number_or_else_by_its_plug(tmp_path: Pa
         "/dev/ttyACM0 (3D Robotics PX4 FMU) may get another name at the next boot: --udev names it /dev/gloc3/autopilot"
     )
     assert usb_device(DeviceNode("radio", Path("/dev/ttyUSB7"), "dialout"), tmp_path) is None
+
+
+@pytest.mark.parametrize("cpus", ["2-3", "0,2", "1", ""])
+def test_a_service_may_be_kept_to_some_processors(cpus: str) -> None:
+    text = make_plan("copter", OnboardOptions(), "gloc3", cpus=cpus).unit.text()
+    assert (f"\nCPUAffinity={cpus}\n" in text) == bool(cpus)
+    assert "\nCPUWeight=1000\n" in text
+
+
+@pytest.mark.parametrize("cpus", ["two", "1-", "-1", "1;2", "1 2\nUser=root"])
+def test_what_names_no_processors_is_refused(cpus: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["onboard", "install", "copter", "--dry-run", f"--cpus={cpus}"]) == 2
+    assert "--cpus" in capsys.readouterr().err

@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from tests.evidence import emulated
 from tests.evidence.page import Bar, Figure, Progress
 from tests.fresh_root import run_in_fresh_root, why_not
 from tests.release.build import DOCKERFILE, package, release
@@ -98,6 +99,7 @@ def debian(place: Path) -> dict[str, Any]:
     done = run_in_fresh_root(script, place)
     found["amd64"] = "works" if "works" in done.stdout.split() else (done.stdout + done.stderr)[-300:]
     file = package(other, VERSION, place / "requirements-vehicle.txt", wheel)
+    found["emulated"] = {} if emulated.why_not() else emulated.flown(file)
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(["dpkg-deb", "--extract", str(file), folder], check=True)
         heads = [(path, path.read_bytes()[:20]) for path in Path(folder).rglob("*.so*") if not path.is_symlink()]
@@ -144,7 +146,7 @@ def run(progress: Progress) -> list[Figure]:
             return [*figures, Figure("Debian package and container", f"not tried: {reason}", "tried", False)]
         packages = progress.part("debian", lambda: debian(place))
         wrong = progress.part("container", lambda: container(place))
-    foreign = packages["foreign"]
+    foreign, arm64 = packages["foreign"], packages["emulated"]
     return [
         *figures,
         Figure(
@@ -159,7 +161,24 @@ def run(progress: Progress) -> list[Figure]:
             "0",
             not foreign,
         ),
+        *_emulated(arm64),
         Figure(f"commands of the container file, on {platform.machine()}", wrong or "work", "work", not wrong),
+    ]
+
+
+def _emulated(arm64: dict[str, Any]) -> list[Figure]:
+    if not arm64:
+        return [Figure("Debian package for arm64, emulated", f"not tried: {emulated.why_not()}", "tried", False)]
+    title = f"Debian package for arm64 with what it depends on, emulated on {arm64['here']}"
+    is_flown = arm64["station"] == 0
+    return [
+        Figure(
+            f"{title}: gloc3 --version", arm64["version"], f"gloc3 {VERSION}", arm64["version"] == f"gloc3 {VERSION}"
+        ),
+        Figure("… took, in s", f"{arm64['version_s']:.1f}"),
+        Figure("… checks the Pelican's platform file", arm64["check"], "can be used", "can be used" in arm64["check"]),
+        Figure("… took, in s", f"{arm64['check_s']:.1f}"),
+        Figure("… flies a mission for a station and a simulator outside", arm64["last"], "done", is_flown),
     ]
 
 
@@ -169,7 +188,7 @@ BARS = (
         "Installation",
         "Fresh environments of every Python on this machine, with each extra alone, run what the extra is for; every locked "
         "requirement has a wheel for both kinds of computers, but JSBSim for aarch64; the Debian package installs without a "
-        "network, and the container file's commands work. Nothing for aarch64 is run here.",
+        "network, and the container file's commands work. The package for arm64 flies a mission on an emulated processor.",
         run,
     ),
 )

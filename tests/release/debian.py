@@ -19,6 +19,10 @@ HOME: Final = Path("opt/gloc3")
 SCRIPTS: Final = Path(__file__).parent / "maintainer_scripts"
 
 
+LIBRARIES: Final = ("libc6 (>= 2.28)", "libgcc-s1", "libstdc++6", "zlib1g")
+"""Packages with the libraries that wheels expect of a system (PEP 600)."""
+
+
 class Target(NamedTuple):
     """A computer with its system."""
 
@@ -120,7 +124,7 @@ def control(target: Target, version: str, tree: Path) -> str:
         "Architecture": target.architecture,
         "Maintainer": "The GLOC3 authors <gloc3@localhost>",
         "Installed-Size": str(kilobytes),
-        "Depends": f"python{target.python}, passwd",
+        "Depends": ", ".join((f"python{target.python}", *LIBRARIES, "passwd")),
         "Recommends": "systemd",
         "Provides": "gloc3",
         "Section": "misc",

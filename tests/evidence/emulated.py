@@ -43,6 +43,8 @@ tasks:
       over: {go_to: {position_m: [5, 0, 3]}, after: [up]}
       down: {land: {}, after: [over]}
 """
+HOME = "-35.363261,149.165230,584,0"
+"""Origin of the platform's frame `site`."""
 MISSION_S = 900.0
 START_S = 300
 """Time within which the emulated process must come up, s: it loads ten times slower than here."""
@@ -140,7 +142,15 @@ def flown(package: Path) -> dict[str, Any]:
             found[f"{name}_s"] = time.monotonic() - begin_s
         autopilot, ground = free_ports(2, socket.SOCK_DGRAM)
         links = ("--autopilot", f"udpin://127.0.0.1:{autopilot}", "--station", f"udpout://127.0.0.1:{ground}")
-        simulated = ("sitl", "--vehicle", "copter", "--link", f"companion=udpout://127.0.0.1:{autopilot}")
+        simulated = (
+            "sitl",
+            "--vehicle",
+            "copter",
+            "--home",
+            HOME,
+            "--link",
+            f"companion=udpout://127.0.0.1:{autopilot}",
+        )
         station = (
             "station",
             "--headless",

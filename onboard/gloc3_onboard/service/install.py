@@ -212,6 +212,7 @@ def make_plan(
         modules=modules(found),
         cpus=cpus,
         homes=homes([*files, *secrets] if word != name or Path(name).suffix else secrets),
+        network=network[0].parent if network else None,
     )
     said = [str(one) for one in warnings]
     said += [text for node, device in behind.items() if (node, device) not in named and (text := advice(node, device))]
@@ -220,13 +221,14 @@ def make_plan(
 
 
 def _network(platform: Platform, host: str, path: Path | None) -> list[Path]:
-    """The network file with certificate and key, once it is known to be right."""
+    """The network file and the files that it names, once it is known to be right."""
     member = None if path is None else read_network(path.expanduser().absolute(), utc_now())
     check_member(platform, host, member)
     if member is None:
         return []
-    named = (member.file.certificate, member.file.key, member.file.authority)
-    return [member.path, *(member.path.parent / one for one in named)]
+    own = member.file
+    named = (own.certificate, own.key, own.authority, own.rights, own.revocations)
+    return [member.path, *(member.path.parent / one for one in named if one)]
 
 
 def _program() -> tuple[str, ...]:

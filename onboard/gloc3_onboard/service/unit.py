@@ -68,6 +68,8 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
     """Processors that it may use, as `CPUAffinity` names them; empty for all."""
     homes: tuple[Path, ...] = ()
     """Files and folders in people's homes that it reads."""
+    network: Path | None = None
+    """Folder of its network file, where it keeps the newest list of revoked members; None without a network."""
 
     @property
     def file(self) -> str:
@@ -141,7 +143,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
                     *self._devices(),
                     "",
                     HARDENING.format(home="tmpfs" if self.homes else "yes").rstrip(),
-                    f"BindReadOnlyPaths={' '.join(quoted(str(path)) for path in self.homes)}" if self.homes else "",
+                    *self._folders(),
                 ),
                 "[Install]\nWantedBy=multi-user.target\n",
             ]
@@ -149,6 +151,15 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
 
     def _modules(self) -> list[str]:
         return [f"modprobe@{module}.service" for module in self.modules]
+
+    def _folders(self) -> list[str]:
+        """What it sees of homes, and what it may write besides its own folders."""
+        read = [path for path in self.homes if path != self.network]
+        found = [f"BindReadOnlyPaths={' '.join(quoted(str(path)) for path in read)}"] if read else []
+        if self.network is not None:
+            is_at_home = any(self.network.is_relative_to(path) for path in self.homes)
+            found.append(f"{'BindPaths' if is_at_home else 'ReadWritePaths'}={quoted(str(self.network))}")
+        return found
 
     def _devices(self) -> list[str]:
         if not self.devices:

@@ -12,7 +12,7 @@ from tests.common.exchange.middlewares import until
 from tests.common.network.test_rights import BODIES, FILE, STATIONS
 from tests.common.network.test_rights import Yard as RightsYard
 from tests.common.network.test_routers import add, joined_yard
-from tests.common.network.yard import NOW, Yard
+from tests.common.network.yard import LONG, NOW, Yard, free_port
 
 from gloc3.clock import run_virtual
 from gloc3.errors import InputError, Refused
@@ -20,6 +20,7 @@ from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.messages.command_interface import AnyBody, Emergency, EmergencyVerb, RequestAction, Steer, Verb
 from gloc3.messages.envelope import Revocations
+from gloc3.messages.summaries import Health, Summary
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.network.access import MemberRole
@@ -29,6 +30,8 @@ from gloc3.network.revocations import MOST_BYTES, REVOCATIONS, RevocationList, r
 from gloc3.network.rights import ITSELF, ListValidity, Rights
 from gloc3.network.rights_file import Right
 from gloc3.network.spreading import LONGEST_S, RevocationSpreader, push, topic_of
+from gloc3_groundstation.links.network_route import NetworkRoute
+from gloc3_groundstation.links.station_routes import StationRoutes
 
 DAY = timedelta(days=1)
 
@@ -289,3 +292,35 @@ def test_signing_needs_the_authoritys_key(tmp_path: Path) -> None:
     (yard.folder / "authority.key").unlink()
     with pytest.raises(InputError, match=r"authority\.key: cannot be read"):
         sign_list(yard.folder, [], NOW)
+
+
+async def test_a_station_closes_its_connection_to_a_vehicle_that_is_revoked(tmp_path: Path) -> None:
+    yard, topics, loop = Yard(tmp_path / "yard"), TopicTable.installed(), asyncio.get_running_loop()
+    heron = register.NetworkMember(
+        role=MemberRole.PLATFORM, certificate="", until="", listen=[f"127.0.0.1:{free_port()}"]
+    )
+    register.add(yard.folder, "heron.main", heron, NOW, LONG, is_renewed=False)
+    inside, heard, reported = LocalExchange(topics), list[str](), list[str]()
+    inside.subscribe("*/ci/summary", lambda one: heard.append(one.topic.partition("/")[0]))
+    route = NetworkRoute(yard.membership("alice"), StationRoutes(), reported.append)
+    with ExitStack() as stack:
+        networks = {name: stack.enter_context(yard.open(f"{name}.main")) for name in ("pelican", "heron")}
+        member = Member("pelican.main", yard, networks["pelican"])
+        publishers = {name: Publisher(network, name, "ci", 1) for name, network in networks.items()}
+
+        def is_heard(*wanted: str) -> bool:
+            for name, publisher in publishers.items():
+                publisher.publish(f"{name}/ci/summary", Summary(table=0, health=Health.WORKING, lines=[]), loop.time())
+            return set(wanted) <= set(heard)
+
+        route.open(loop, inside, topics)
+        stack.callback(route.close)
+        await until(lambda: is_heard("pelican", "heron"))
+        keeping_files(yard, lambda: register.revoke(yard.folder, "heron.main", NOW))
+        member.spreader.renew(yard.membership("pelican.main").under(of(yard)))
+        await until(lambda: any("it revokes heron.main" in text for text in reported))
+        await asyncio.sleep(2.0)
+        heard.clear()
+        await until(lambda: is_heard("pelican"))
+        assert "heron" not in heard
+        member.spreader.close()

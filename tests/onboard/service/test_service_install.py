@@ -7,6 +7,7 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from gloc3.cli.program import run
@@ -136,6 +137,16 @@ def test_each_host_has_the_devices_of_its_share_and_nothing_without_a_network(tm
         make_plan(str(file), wanted, "gloc3")
     with pytest.raises(Refused, match="--network"):
         make_plan(str(file), replace(wanted, host="vision"), "gloc3")
+
+
+def test_the_service_may_write_the_folder_of_its_network_file_and_nothing_else_of_a_home() -> None:
+    unit = SystemdUnit(name="pelican", command=("gloc3",), user="gloc3", network=Path("/etc/gloc3/net"))
+    assert "ReadWritePaths=/etc/gloc3/net" in unit.text().splitlines()
+    places = (Path("/home/ada/hold"), Path("/home/ada/net"))
+    lines = msgspec.structs.replace(unit, homes=places, network=places[1]).text().splitlines()
+    assert "BindReadOnlyPaths=/home/ada/hold" in lines
+    assert "BindPaths=/home/ada/net" in lines
+    assert not any(line.startswith("ReadWritePaths") for line in lines)
 
 
 def test_of_a_home_the_service_sees_only_the_folder_that_it_needs() -> None:

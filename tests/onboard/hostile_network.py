@@ -35,6 +35,7 @@ from gloc3.log.reader import LogReader
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.network.access import MemberRole
+from gloc3.network.rights_file import RIGHTS_FILE
 from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
@@ -264,7 +265,7 @@ def inside(space: str) -> tuple[str, ...]:
 
 
 def made_yard(folder: Path) -> Yard:
-    """The network: a vehicle, an operator who flies, and members who turn against it."""
+    """The network: a vehicle, the one operator who may fly it, and members who turn against it."""
     yard = Yard(folder / "yard", ADDRESS)
     entry = register.NetworkMember(role=MemberRole.OPERATOR, certificate="", until="")
     days = timedelta(days=1)
@@ -277,6 +278,8 @@ def made_yard(folder: Path) -> Yard:
         ("frank", NOW + 10 * days, 30 * days),
     ):
         register.add(yard.folder, name, entry, now, valid, is_renewed=False)
+    (yard.folder / RIGHTS_FILE).write_text("rights: [{member: alice, role: operator, of: [pelican]}]\n")
+    register.spread_rights(yard.folder)
     (folder / "hostile.yaml").write_text(MISSION)
     (folder / "pelican.yaml").write_text(
         whole_text("pelican_rtk").replace("platform: pelican_rtk", "platform: pelican")
@@ -300,7 +303,7 @@ async def attacks_on(yard: Yard, folder: Path, seconds: float = 6.0) -> list[Att
         ),
         Attack(name="scouting by multicast", kind="scout", seconds=seconds),
         insider("an observer puts commands in others' names", "speak", bob),
-        insider("an operator puts commands in another's name, without control", "speak", mallory),
+        insider("an operator without rights puts commands, also in another's name", "speak", mallory),
         insider("a member's encrypted bytes are sent again", "replay", carol),
         insider("a member that was revoked by a pushed list", "speak", carol),
         insider("an observer asks 10,000 times a second", "flood", bob, number=10_000),

@@ -27,6 +27,8 @@ from gloc3.network.signatures import FileKey, RequestSigner, RequestVerifier
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
 # QUIC before an address: encrypted over UDP, for links that lose packets; without it TLS over TCP.
 ADDRESS: Final = re.compile(rf"(?:{QUIC})?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):([0-9]{{1,5}})")
+RESERVED: Final = ("members", "regions", "stations")
+"""First levels of keys that are no platform's."""
 MOST_PORT: Final = 65535
 
 
@@ -252,6 +254,8 @@ def member_problem(member: str, role: MemberRole) -> str:
     parts = member.split(".")
     if not all(NAME.fullmatch(part) for part in parts):
         return f"{member!r} is not a valid name: lower-case letters, digits, _ and -, at most 31 of them"
+    if parts[0] in RESERVED:
+        return f"{parts[0]!r} cannot be a name: keys of the network begin with it; choose another one"
     if role is MemberRole.PLATFORM and len(parts) != 2:
         return f"{member!r} is not a host of a platform: write PLATFORM.HOST, such as {parts[0]}.main"
     if role is not MemberRole.PLATFORM and len(parts) != 1:

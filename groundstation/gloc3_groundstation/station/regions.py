@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.summaries import WELL, RegionSummary, VehicleLine
 from gloc3_groundstation.station.fleet import note
@@ -54,4 +55,5 @@ def _changes(before: VehicleLine | None, now: VehicleLine, router: str) -> Itera
 def _words(line: VehicleLine) -> str:
     battery = f", battery {line.battery_percent} %" if line.battery_percent >= 0 else ""
     mission = f", mission {line.mission} {line.mission_state}" if line.mission_state else ""
-    return f"{line.health or 'health unknown'}, {line.mode or 'mode unknown'}, {'armed' if line.is_armed else 'disarmed'}{battery}{mission}"
+    mode, arming = mode_words(line.mode) or "mode unknown", "armed" if line.is_armed else "disarmed"
+    return f"{line.health or 'health unknown'}, {mode}, {arming}{battery}{mission}"

@@ -88,6 +88,8 @@ async def test_a_station_above_gets_the_health_of_all_and_details_of_whom_it_wat
     add(yard, "heron.main", MemberRole.PLATFORM, to=["coast"])
     add(yard, "dora", MemberRole.OPERATOR, to=["root"], watches=["pelican"])
     assert regions(yard) == {"root": ["pelican"], "coast": ["heron"]}
+    with pytest.raises(Refused, match="'regions' cannot be a name"):
+        add(yard, "regions.main", MemberRole.PLATFORM)
     with pytest.raises(Refused, match=r"there is no platform 'pelicn'.*pelican"):
         add(yard, "erin", MemberRole.OPERATOR, watches=["pelicn"])
     topics = TopicTable.installed()

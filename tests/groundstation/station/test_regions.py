@@ -33,11 +33,11 @@ def test_what_changes_of_a_vehicle_that_is_not_watched_is_an_event() -> None:
     for line in (HERON, HERON, flying, faulty, silent, silent, faulty):
         fleet = received(fleet, line, VehicleLine("shag", -1.0), replace(HERON, name="pelican"))
     assert texts(fleet) == [
-        (Severity.NOTICE, "heron", "is heard by coast: working, POSCTL, disarmed, battery 83 %"),
-        (Severity.INFO, "heron", "working, AUTO.MISSION, armed, battery 83 %, mission m running (coast)"),
+        (Severity.NOTICE, "heron", "is heard by coast: working, Position, disarmed, battery 83 %"),
+        (Severity.INFO, "heron", "working, Mission, armed, battery 83 %, mission m running (coast)"),
         (Severity.WARNING, "heron", "is faulty (coast)"),
         (Severity.WARNING, "heron", "is not heard by coast any more"),
-        (Severity.NOTICE, "heron", "is heard by coast: faulty, AUTO.MISSION, armed, battery 83 %, mission m running"),
+        (Severity.NOTICE, "heron", "is heard by coast: faulty, Mission, armed, battery 83 %, mission m running"),
     ]
     assert [(router, line.name) for router, _, line in fleet.elsewhere()] == [("coast", "heron"), ("coast", "shag")]
     assert list(fleet.platforms) == ["pelican"]
@@ -47,5 +47,5 @@ def test_the_screen_shows_them_below_the_watched_ones() -> None:
     fleet = received(Fleet(), replace(HERON, health="faulty"), VehicleLine("shag", -1.0), now_s=10.0)
     view = StationView(fleet, None, 11.0, 0.0, "alice")
     lines = ["".join(span.text for span in line) for line in unwatched_lines(view, 120)]
-    assert lines[0].split() == ["heron", "POSCTL", "on", "ground", "83", "%", "by", "coast", "faulty"]
+    assert lines[0].split() == ["heron", "Position", "disarmed", "83", "%", "by", "coast", "faulty"]
     assert lines[1].split() == ["shag", "–", "by", "coast", "silent"]

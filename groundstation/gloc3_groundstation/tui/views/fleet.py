@@ -5,6 +5,7 @@ from typing import Final
 
 from gloc3.cli.counting import counted
 from gloc3.cli.port_advice import port_advice
+from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.command_interface import ControlVerb
 from gloc3.messages.summaries import WELL, VehicleLine
 from gloc3.network.rights import MEANINGS, MemberRights
@@ -79,17 +80,18 @@ def _unwatched_cells(router: str, late_s: float, vehicle: VehicleLine) -> list[t
     is_stale = late_s > REGION_STALE_S or is_silent(vehicle)
     tone = Tone.STALE if is_stale else Tone.DIM
     battery = f"{vehicle.battery_percent} %" if vehicle.battery_percent >= 0 else "–"
+    landed = vehicle.landed.replace("_", " ")
     health = Tone.BAD if vehicle.health not in WELL and not is_stale else tone
     return [
         ("", tone),
         (vehicle.name, tone),
-        (vehicle.mode, tone),
-        ("armed" if vehicle.is_armed else vehicle.landed.replace("_", " "), tone),
+        (mode_words(vehicle.mode), tone),
+        (f"armed, {landed}" if vehicle.is_armed else "disarmed" if vehicle.landed else "", tone),
         (battery, tone),
         (f"by {router}", tone),
-        (vehicle.mission, tone),
         (vehicle.mission_state, tone),
-        (vehicle.holder, tone),
+        (vehicle.mission, tone),
+        (f"station {vehicle.holder}" if vehicle.holder else "", tone),
         ("silent" if is_silent(vehicle) else vehicle.health, health),
     ]
 

@@ -8,8 +8,12 @@ from typing import Final
 
 import msgspec
 import numpy as np
-from tests.common.network.scale import FLAT, LAYOUTS, ROUTER, TREE, WATCHED, Measured, Scene, measure
+from scipy.optimize import nnls
+from tests.common.network.scale import FLAT, LAYOUTS, WATCHED, Measured, Scene, measure
 from tests.evidence.page import Bar, Figure, Progress
+
+from gloc3.cli.counting import counted
+from gloc3.messages.topics import MESSAGE_BYTES
 
 VEHICLES: Final = (1, 5, 20, 50)
 STATIONS: Final = (1, 3, 10)
@@ -40,14 +44,11 @@ def _measure(scene: Scene) -> Measured:
         return measure(Path(folder), scene)
 
 
-def fit(found: Sequence[Measured], value: Callable[[Measured], float], of: Size) -> tuple[float, float]:
-    """The constant and the factor that fit best, neither below 0."""
-    sizes = np.array([[1.0, of(one.scene)] for one in found])
-    values = np.array([value(one) for one in found])
-    (constant, factor), *_ = np.linalg.lstsq(sizes, values, rcond=None)
-    if constant < 0.0:
-        return 0.0, float(sizes[:, 1] @ values / (sizes[:, 1] @ sizes[:, 1]))
-    return float(constant), max(float(factor), 0.0)
+def fit(found: Sequence[Measured], value: Callable[[Measured], float], *of: Size) -> list[float]:
+    """The constant and the factors of sizes that fit best, none below 0."""
+    sizes = np.array([[1.0, *(size(one.scene) for size in of)] for one in found])
+    factors, _ = nnls(sizes, np.array([value(one) for one in found]))
+    return [float(factor) for factor in factors]
 
 
 def scale(progress: Progress) -> list[Figure]:
@@ -73,7 +74,7 @@ def _row(one: Measured) -> Figure:
     scene = one.scene
     router = f", router {one.router_cpu:.1%}" if one.router_cpu else ""
     return Figure(
-        f"{scene.layout}: {scene.vehicles} vehicles, {scene.stations} stations",
+        f"{scene.layout}: {counted(scene.vehicles, 'vehicle')}, {counted(scene.stations, 'station')}",
         f"a station receives {one.station_bytes_s / 1e3:.1f} kB/s, a vehicle sends {one.vehicle_bytes_s / 1e3:.1f} kB/s; of a "
         f"core: station {one.station_cpu:.1%}, vehicle {one.vehicle_cpu:.2%}{router}; latency p99 "
         f"{one.latency_p99_s * 1e3:.0f} ms; all found after {one.found_s:.1f} s",
@@ -81,46 +82,43 @@ def _row(one: Measured) -> Figure:
 
 
 def _model(layout: str, found: Sequence[Measured]) -> list[Figure]:
-    """Linear in the number of vehicles, and at the busiest router in vehicles times stations."""
+    """Linear in the number of vehicles, and at the busiest router in vehicles, and in vehicles times stations."""
     by_vehicles, by_links = (
         (lambda scene: float(scene.vehicles)),
         (lambda scene: float(scene.vehicles * scene.stations)),
     )
     size_b = fit(found, lambda one: one.station_bytes_s, by_vehicles)
     cpu = fit(found, lambda one: one.station_cpu, by_vehicles)
-    router = fit(found, lambda one: one.router_cpu, by_links)
+    router = fit(found, lambda one: one.router_cpu, by_vehicles, by_links)
     largest = max(found, key=lambda one: one.scene.vehicles)
     error = abs(size_b[0] + size_b[1] * largest.scene.vehicles - largest.station_bytes_s) / largest.station_bytes_s
-    figures = [
-        Figure(
-            f"{layout}: model of a station",
-            f"{size_b[0] / 1e3:.2f} + {size_b[1] / 1e3:.3f} kB/s a vehicle; {cpu[0]:.2%} + {cpu[1]:.3%} of a core a vehicle; "
-            f"off by {error:.0%} at {largest.scene.vehicles} vehicles",
-            f"off by ≤ {ERROR:.0%}",
-            error <= ERROR,
-        )
-    ]
-    for number in PREDICTED:
-        stations = max(STATIONS)
-        busiest = (
-            "" if layout == FLAT else f", the busiest router {router[0] + router[1] * number * stations:.1f} cores"
-        )
-        figures.append(
-            Figure(
-                f"{layout}: predicted for {number:,} vehicles and {stations} stations",
-                f"a station receives {(size_b[0] + size_b[1] * number) / 1e6:.1f} MB/s with {cpu[0] + cpu[1] * number:.1f} "
-                f"cores{busiest}",
-            )
-        )
-    breaks = (1.0 - cpu[0]) / cpu[1] if cpu[1] else float("inf")
     text = (
-        f"a station's loop has one core: full at {breaks:,.0f} vehicles" if breaks < 1e9 else "not by a station's core"
+        f"{size_b[0] / 1e3:.2f} + {size_b[1] / 1e3:.3f} kB/s a vehicle; {cpu[0]:.2%} + {cpu[1]:.3%} of a core a vehicle; "
+        f"off by {error:.0%} at {largest.scene.vehicles} vehicles"
     )
-    if layout in (ROUTER, TREE, WATCHED) and router[1]:
-        text += f"; a router's first core is full at {(1.0 - router[0]) / router[1]:,.0f} vehicles times stations"
+    figures = [Figure(f"{layout}: model of a station", text, f"off by ≤ {ERROR:.0%}", error <= ERROR)]
+    stations, has_router = max(STATIONS), layout != FLAT
+    a_vehicle = router[1] + router[2] * stations
+    if has_router:
+        text = f"{router[0]:.2%} + {router[1]:.3%} of a core a vehicle + {router[2]:.4%} a vehicle and station"
+        figures.append(Figure(f"{layout}: model of the busiest router", text))
+    for number in PREDICTED:
+        busiest = f", the busiest router with {router[0] + a_vehicle * number:.1f}" if has_router else ""
+        text = f"a station receives {(size_b[0] + size_b[1] * number) / 1e6:.2f} MB/s with {cpu[0] + cpu[1] * number:.1f} cores"
+        figures.append(Figure(f"{layout}: predicted for {number:,} vehicles and {stations} stations", text + busiest))
+    limits = [_full("a station's loop has one core, which", cpu[0], cpu[1])]
+    if has_router:
+        limits.append(_full(f"with {stations} stations the busiest router's first core", router[0], a_vehicle))
     if layout == FLAT:
-        text += "; each vehicle has a connection to each station"
-    return [*figures, Figure(f"{layout}: where it breaks", text)]
+        limits.append("each vehicle has a connection to each station")
+    if layout == WATCHED:
+        most = MESSAGE_BYTES / size_b[1] if size_b[1] else float("inf")
+        limits.append(f"the summary of one region is too long for a message at {most:,.0f} vehicles")
+    return [*figures, Figure(f"{layout}: where it breaks", "; ".join(limits))]
+
+
+def _full(what: str, constant: float, factor: float) -> str:
+    return f"{what} is full at {(1.0 - constant) / factor:,.0f} vehicles" if factor > 1e-7 else f"{what} is never full"
 
 
 BARS: Final = (

@@ -37,8 +37,8 @@ def test_the_model_is_the_line_that_fits_best_and_costs_nothing_below_zero() -> 
             found_s=0.0,
         )
 
-    def fitted(*points: tuple[int, float]) -> tuple[float, float]:
+    def fitted(*points: tuple[int, float]) -> list[float]:
         return fit([of(*point) for point in points], lambda one: one.station_bytes_s, lambda scene: scene.vehicles)
 
-    assert fitted((1, 12.0), (2, 14.0), (10, 30.0)) == pytest.approx((10.0, 2.0))
-    assert fitted((1, 0.0), (10, 18.0)) == pytest.approx((0.0, 180.0 / 101.0))
+    assert fitted((1, 12.0), (2, 14.0), (10, 30.0)) == pytest.approx([10.0, 2.0])
+    assert fitted((1, 0.0), (10, 18.0)) == pytest.approx([0.0, 180.0 / 101.0])

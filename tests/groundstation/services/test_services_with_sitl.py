@@ -285,7 +285,7 @@ async def test_a_plan_is_uploaded_verified_downloaded_and_cleared(vehicle: tuple
 async def test_a_plan_that_the_vehicle_does_not_take_is_refused_in_words(vehicle: tuple[str, int]) -> None:
     bad = ForeignPlan(entries=(*PLAN.entries, PlanEntry(items=(MavItem(command=31_999, frame=2),))), raw={})
     async with at_hand(vehicle[1]) as (services, _):
-        with pytest.raises(Refused, match="the mission was not uploaded: item [0-9]+, .*: an item's command"):
+        with pytest.raises(Refused, match=r"the mission was not uploaded: item [0-9]+, .*: an item's command"):
             await services.plans.upload(bad)
 
 

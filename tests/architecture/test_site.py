@@ -33,6 +33,7 @@ def build(config: Path, to: Path) -> subprocess.CompletedProcess[str]:
 def test_every_page_is_in_the_navigation_once() -> None:
     pages = {path.name for path in (ROOT / "docs").glob("*.md")}
     pages |= {f"tutorials/{path.name}" for path in (ROOT / "docs" / "tutorials").glob("*.md")}
+    pages |= {f"reference/{path.name}" for path in (ROOT / "docs" / "reference").glob("*.md")}
     top = {place for place in TOP.values() if place.endswith(".md")}
     assert sorted(in_navigation()) == sorted({*pages, *top, "evidence/README.md"})
     assert in_navigation()[-1] == "evidence/README.md", "an appendix, behind all that is to be read"

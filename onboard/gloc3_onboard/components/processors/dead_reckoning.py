@@ -73,8 +73,8 @@ class DeadReckoningSettings(Settings, frozen=True):
     lost_std_m: Annotated[float, Bounds(1.0, 10_000.0)] = 50.0
     """A pose that is worse than this along an axis is not valid."""
     blind_s: Annotated[float, Bounds(1.0, 3600.0)] = 6.0
-    """Time without any velocity over ground and without satellites after which the pose is not valid, in seconds: whoever
-    steers by a velocity that nothing measures runs away."""
+    """Time without any velocity over ground and without satellites after which the pose is not valid, in seconds: a vehicle
+    that is steered by a velocity which nothing measures runs away."""
     jump_m: Annotated[float, Bounds(0.05, 100.0)] = 0.5
     """A step by a fix that is longer than this counts as a jump."""
     unlocked_s: Annotated[float, Bounds(0.2, 60.0)] = 1.5

@@ -1,0 +1,16 @@
+"""The reference pages are those of the code."""
+
+import pytest
+from tests.house.reference import FOLDER, pages
+
+PAGES = pages()
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_a_reference_page_is_up_to_date(path: object) -> None:
+    found = {page: text for page, text in PAGES.items() if page == path}
+    assert {page: page.read_text(encoding="utf-8") for page in found} == found, "run `make docs`"
+
+
+def test_there_is_no_other_page() -> None:
+    assert set(FOLDER.iterdir()) == set(PAGES)

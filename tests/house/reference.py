@@ -1,0 +1,235 @@
+"""`docs/reference/`: what is defined, from the code: commands, components, topics, messages, capabilities, invariants, MAVLink."""
+
+import inspect
+import pkgutil
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Final
+
+import gloc3
+import gloc3.messages as messages_package
+import gloc3_groundstation
+import gloc3_onboard
+import gloc3_sitl
+from gloc3.component.description import FieldLine, describe, fields_of, find_class, installed
+from gloc3.installed import installed_points
+from gloc3.mavlink.service import Microservice
+from gloc3.messages.envelope import Message
+from gloc3.messages.standard_topics import TOPICS
+from gloc3.messages.topics import TopicTable
+from gloc3.mission.model.arguments import argument_kinds
+from gloc3_groundstation.reporting.outcomes import RunOutcome
+from gloc3_sitl.proof.standard_invariants import STANDARD
+
+FOLDER: Final = Path(__file__).parents[2] / "docs" / "reference"
+MADE: Final = "This page is generated from the code by `make docs`; a test compares it.\n"
+PACKAGES: Final = {
+    "common": gloc3,
+    "onboard": gloc3_onboard,
+    "ground station": gloc3_groundstation,
+    "simulator": gloc3_sitl,
+}
+OWN: Final = "gloc3"
+"""Beginning of our modules' names; packages that happen to be installed are left out."""
+GROUPS: Final[Mapping[str, str]] = {
+    "gloc3.commands": "a subcommand of `gloc3`: a cyclopts `App`",
+    "gloc3.mission_commands": "a subcommand of `gloc3 mission`",
+    "gloc3.log_commands": "a subcommand of `gloc3 log`",
+    "gloc3.network_commands": "a subcommand of `gloc3 network`",
+    "gloc3.components": "a component: a class",
+    "gloc3.capabilities": "the arguments of a capability: a subclass of `Arguments`",
+    "gloc3.topics": "rows of topics: a mapping from topic to `TopicRow`",
+    "gloc3.devices": "a kind of device of components: a class",
+    "gloc3.sensors": "kinds of sensors and sources: a module with `SENSORS` or `SOURCES`",
+    "gloc3.platforms": "platform files: a package whose folder holds them",
+    "gloc3.invariants": "an invariant of `gloc3 prove`: a subclass of `Invariant`",
+    "gloc3.plan_formats": "a format of plan files: a `PlanFormat`",
+    "gloc3.screens": "a screen of the station: a subclass of `PlugInScreen`",
+    "gloc3.overview_lines": "a line of the station's overview: a function",
+    "gloc3.alert_rules": "a rule of alerts: a function",
+}
+
+
+def pages() -> dict[Path, str]:
+    """Every page with its text."""
+    made: dict[str, tuple[str, Callable[[], Iterable[str]]]] = {
+        "commands": ("Commands", commands),
+        "components": ("Components", components),
+        "topics": ("Topics", topics),
+        "messages": ("Messages", messages),
+        "capabilities": ("Capabilities", capabilities),
+        "invariants": ("Invariants", invariants),
+        "mavlink": ("MAVLink messages", mavlink),
+        "entry-points": ("Entry points", entries),
+    }
+    return {
+        FOLDER / f"{name}.md": "\n".join([f"# {title}\n", MADE, *lines()]).rstrip() + "\n"
+        for name, (title, lines) in made.items()
+    }
+
+
+def write() -> None:
+    """Writes them."""
+    FOLDER.mkdir(exist_ok=True)
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")
+
+
+def commands() -> Iterator[str]:
+    """Commands with their options, and exit codes."""
+    yield "Exit codes of all commands: 0 done, 1 failed, 2 wrong use, 130 interrupted. `gloc3 station --headless` has more:\n"
+    yield from _table(("code", "outcome"), ((str(one.exit_code), one.value.replace("_", " ")) for one in RunOutcome))
+    for point in sorted(installed_points("gloc3.commands"), key=lambda point: point.name):
+        if not point.value.startswith(OWN):
+            continue
+        text = point.load().generate_docs(heading_level=2, usage_name="gloc3")
+        text = re.sub(r"^#+ Table of Contents\n(\n|\s+- .*\n)*", "", text, flags=re.MULTILINE)
+        text = re.sub(r"\[(`[^`]+`)\]\(#[\w-]+\)", r"\1", text)
+        yield "\n".join(_command_lines(text, point.name)).rstrip() + "\n"
+
+
+def _command_lines(text: str, name: str) -> Iterator[str]:
+    """Lines of help, with headings by their depth; a usage begins with the command of its heading."""
+    command = f"gloc3 {name}"
+    for line in text.splitlines():
+        if heading := re.fullmatch(r"#+ (.*)", line):
+            command = " ".join(["gloc3", *heading[1].removeprefix("gloc3").split()])
+            yield f"{'#' * len(command.split())} `{command}`"
+        elif line.startswith("gloc3 "):
+            taken = re.search(r"(?= (\[|[A-Z]|--))", line)
+            yield command + (line[taken.start() :] if taken else "")
+        else:
+            yield line
+
+
+def components() -> Iterator[str]:
+    """Components with ports and settings."""
+    table = TopicTable.installed()
+    for name, path in sorted((name, path) for name, path in installed().items() if path.startswith(OWN)):
+        found = describe(find_class(path), table)
+        yield f"## {name}\n"
+        yield f"{found.kind.value}, `{found.class_path}`: {_plain(found.doc)}\n"
+        ports = [("input", port) for port in found.inputs] + [("output", port) for port in found.outputs]
+        if ports:
+            rows = (
+                (way, f"`{port.name}`", f"[{port.message}](messages.md#{port.message.lower()})", port.queue)
+                for way, port in ports
+            )
+            yield from _table(("port", "name", "message", "keeps"), rows)
+        if found.settings:
+            yield from _table(("setting", "type", "bounds", "default", "meaning"), map(_setting, found.settings))
+
+
+def topics() -> Iterator[str]:
+    """Topics of the exchanger."""
+    yield "Names are relative to the platform. A topic without a rate carries events.\n"
+    rows = (
+        (
+            f"`{name}`",
+            f"[{row.message.__name__}](messages.md#{row.message.__name__.lower()})",
+            f"{row.rate_hz:g} Hz" if row.rate_hz else "",
+            row.travels.value,
+            "yes" if row.is_logged else "no",
+        )
+        for name, row in TOPICS.items()
+    )
+    yield from _table(("topic", "message", "rate", "travels as", "logged"), rows)
+
+
+def messages() -> Iterator[str]:
+    """Message types with their fields."""
+    for name, kind in sorted(_messages().items()):
+        yield f"## {name}\n"
+        yield f"{_plain(inspect.getdoc(kind) or '')}\n"
+        rows = ((f"`{field.name}`", f"`{field.type}`", _default(field), field.doc) for field in fields_of(kind))
+        yield from _table(("field", "type", "default", "meaning"), rows)
+
+
+def capabilities() -> Iterator[str]:
+    """Capabilities with their arguments."""
+    yield "A platform file says which of them a vehicle has, and which component performs each.\n"
+    for name, kind in sorted(
+        (name, kind) for name, kind in argument_kinds().items() if kind.__module__.startswith(OWN)
+    ):
+        yield f"## {name}\n"
+        yield f"{_plain(inspect.getdoc(kind) or '')}\n"
+        fields = fields_of(kind)
+        if fields:
+            yield from _table(("argument", "type", "bounds", "default", "meaning"), map(_setting, fields))
+
+
+def invariants() -> Iterator[str]:
+    """What `gloc3 prove` judges flights by."""
+    yield from _table(("name", "what must hold"), ((f"`{one.name}`", one.sentence) for one in STANDARD))
+
+
+def mavlink() -> Iterator[str]:
+    """Messages that each side handles, by microservice."""
+    for title, package in PACKAGES.items():
+        rows = [
+            (f"`{kind.__module__}.{kind.__name__}`", ", ".join(sorted(kind.handles)))
+            for kind in _subclasses(package)
+            if kind.handles
+        ]
+        if rows:
+            yield f"## {title}\n"
+            yield from _table(("microservice", "messages"), sorted(rows))
+
+
+def entries() -> Iterator[str]:
+    """Groups of entry points, by which other packages add to GLOC3."""
+    rows = []
+    for group, what in GROUPS.items():
+        own = sorted(point.name for point in entry_points(group=group) if point.value.startswith(OWN))
+        rows.append((f"`{group}`", what, ", ".join(own)))
+    yield from _table(("group", "what it names", "GLOC3's own"), rows)
+
+
+def _messages() -> dict[str, type[Message]]:
+    """Those of `gloc3.messages`, of topics and of our components' ports."""
+    names = [module.name for module in pkgutil.iter_modules(messages_package.__path__, "gloc3.messages.")]
+    kinds = [kind for name in names for kind in vars(import_module(name)).values()]
+    kinds += [row.message for row in TOPICS.values()]
+    for path in installed().values():
+        if path.startswith(OWN):
+            component = find_class(path)
+            kinds += [port.message for port in (*component.inputs.values(), *component.outputs.values())]
+    return {
+        kind.__name__: kind
+        for kind in kinds
+        if isinstance(kind, type) and issubclass(kind, Message) and kind is not Message
+    }
+
+
+def _subclasses(package: Any) -> Iterator[type[Microservice[Any]]]:
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if "mavlink" in module.name or "autopilot" in module.name or "services" in module.name:
+            loaded = import_module(module.name)
+            for kind in vars(loaded).values():
+                if isinstance(kind, type) and issubclass(kind, Microservice) and kind.__module__ == module.name:
+                    yield kind
+
+
+def _setting(field: FieldLine) -> Sequence[str]:
+    return f"`{field.name}`", f"`{field.type}`", field.bounds, _default(field), field.doc
+
+
+def _default(field: FieldLine) -> str:
+    return "required" if field.is_required else f"`{field.default!r}`"
+
+
+def _plain(text: str) -> str:
+    """The text before the arguments, on one line."""
+    return " ".join(re.split(r"\n\s*\n(?=Args:|Raises:)", text)[0].split())
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    yield f"| {' | '.join(head)} |"
+    yield f"| {' | '.join('---' for _ in head)} |"
+    for row in rows:
+        cells = [" ".join(cell.split()).replace("|", r"\|") for cell in row]
+        yield f"| {' | '.join(cells)} |"
+    yield ""

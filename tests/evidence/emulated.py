@@ -146,8 +146,7 @@ def flown(package: Path) -> dict[str, Any]:
             "sitl",
             "--vehicle",
             "copter",
-            "--home",
-            HOME,
+            f"--home={HOME}",
             "--link",
             f"companion=udpout://127.0.0.1:{autopilot}",
         )

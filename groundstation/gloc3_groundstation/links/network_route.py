@@ -7,7 +7,7 @@ from functools import partial
 from random import SystemRandom
 from typing import TYPE_CHECKING, Any
 
-from gloc3.clock import utc_now
+from gloc3.clock import passed, utc_now
 from gloc3.errors import Gloc3Error
 from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages.command_interface import StationRole
@@ -108,7 +108,7 @@ class NetworkRoute:
 
     async def _cut_off(self, network: "ZenohExchange") -> None:
         """Closes the connections to members that are not accepted any more."""
-        await asyncio.sleep(PASSED_ON_S)
+        await passed(PASSED_ON_S)
         try:
             await network.renew(self._membership.node(), self._membership.settings())
         except Gloc3Error as error:

@@ -7,7 +7,7 @@ from gloc3.cli.counting import listed
 from gloc3.exchange.acoustic import action_of
 from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.envelope import Severity
-from gloc3.messages.summaries import ContactSummary, Health, MissionSummary, VehicleSummary
+from gloc3.messages.summaries import ContactSummary, Health, MissionSummary, VehicleLine, VehicleSummary
 from gloc3.messages.vehicle import LandedState
 from gloc3.mission.checking.estimate import span
 from gloc3.mission.model.model import Policies, answer
@@ -109,6 +109,11 @@ def mode(platform: PlatformSnapshot) -> str:
     return mode_words(
         platform.vehicle.value.mode, platform.autopilot.firmware if platform.autopilot is not None else ""
     )
+
+
+def summed_up_mode(vehicle: VehicleLine) -> str:
+    """The mode of a vehicle in the summary of its region."""
+    return mode_words(vehicle.mode)
 
 
 def mode_detail(platform: PlatformSnapshot) -> str:

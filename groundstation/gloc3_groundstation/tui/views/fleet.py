@@ -5,7 +5,6 @@ from typing import Final
 
 from gloc3.cli.counting import counted
 from gloc3.cli.port_advice import port_advice
-from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.command_interface import ControlVerb
 from gloc3.messages.summaries import WELL, VehicleLine
 from gloc3.network.rights import MEANINGS, MemberRights
@@ -85,7 +84,7 @@ def _unwatched_cells(router: str, late_s: float, vehicle: VehicleLine) -> list[t
     return [
         ("", tone),
         (vehicle.name, tone),
-        (mode_words(vehicle.mode), tone),
+        (wording.summed_up_mode(vehicle), tone),
         (f"armed, {landed}" if vehicle.is_armed else "disarmed" if vehicle.landed else "", tone),
         (battery, tone),
         (f"by {router}", tone),

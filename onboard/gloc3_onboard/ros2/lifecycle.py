@@ -49,6 +49,8 @@ class RosLifecycle:
         self._name = ""
         self._answer_s = 0.0
         self._state: LifecycleState | None = None
+        self._alive: set[Entity] = set()
+        """Nodes of its name in the graph: one that restarts may come before the old one has left."""
         self._change: RosClient | None = None
         self._get: RosClient | None = None
         self._lock = Lock()
@@ -81,6 +83,7 @@ class RosLifecycle:
         with ExitStack() as stack:
             network = RosNetwork(router=router or ROUTER, domain=domain)
             node = stack.enter_context(open_node(network, f"/gloc3/wrapper_of{self._name.replace('/', '_')}"))
+            self._alive.clear()
             node.watch(self._graph_changed)
             self._change = node.client(f"{self._name}/change_state", "lifecycle_msgs/ChangeState")
             self._get = node.client(f"{self._name}/get_state", "lifecycle_msgs/GetState")
@@ -133,14 +136,17 @@ class RosLifecycle:
         while not stop.wait(PERIOD_S):
             with self._lock:
                 try:
-                    self._state = self._asked()
+                    state = self._asked()
                 except Refused:
-                    self._state = None
+                    state = None
+                self._state = state if self._alive else None  # what is still answered of one that has left is late
 
     def _graph_changed(self, entity: "Entity", is_there: bool) -> None:
         """In a thread of Zenoh's: a node comes or leaves."""
-        if not is_there and entity.endpoint is None and entity.node_name == self._name:
-            self._state = None
+        if entity.endpoint is None and entity.node_name == self._name:
+            (self._alive.add if is_there else self._alive.discard)(entity)
+            if not self._alive:
+                self._state = None
 
 
 AFTER: Final = {

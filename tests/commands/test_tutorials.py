@@ -1,7 +1,9 @@
 """The tutorials, done to the letter, each in a fresh environment."""
 
+import fcntl
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,12 +14,16 @@ from tests.tutorials import PAGES, Reader, do, run
 pytestmark = [pytest.mark.flight, pytest.mark.sockets]
 
 
+def shared_folder(factory: pytest.TempPathFactory) -> Path:
+    """One for all processes of a run of the tests."""
+    base = factory.getbasetemp()
+    return base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
+
+
 @pytest.fixture
 def reader(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Reader:
     """One in an empty folder, with GLOC3 from its wheel and an environment of their own."""
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
-    site = unpacked_wheel(shared)
+    site = unpacked_wheel(shared_folder(tmp_path_factory))
     environment = fresh_environment(tmp_path / "venv", site)
     folder = tmp_path / "home"
     folder.mkdir()
@@ -26,6 +32,15 @@ def reader(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Reader:
     return found
 
 
+@pytest.fixture
+def ports(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The usual ports, which readers use: one tutorial at a time, whichever process of the tests does it."""
+    with (shared_folder(tmp_path_factory) / "tutorial.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+@pytest.mark.usefixtures("ports")
 @pytest.mark.parametrize("page", sorted(path.stem for path in PAGES.glob("*.md")))
 def test_a_tutorial_is_done_to_the_letter(page: str, reader: Reader) -> None:
     do(page, reader)

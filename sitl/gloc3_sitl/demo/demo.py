@@ -15,7 +15,7 @@ from gloc3.cli.narration import narrate
 from gloc3.clock import Clock
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
-from gloc3.log.reader import LogReader
+from gloc3.log.reader import LogReader, find_log
 from gloc3.log.report.plot import plot_path
 from gloc3.mission.model.model import Mission
 from gloc3.platform.limits import Limits
@@ -328,7 +328,7 @@ def write_report(out: Path, mission: Mission, limits: Limits, autopilot: str, to
         InputError: a log is missing, or is none.
     """
     exchange = LocalExchange()
-    with LogReader(out / "log.mcap") as reader:
+    with LogReader(find_log(out)) as reader:
         watch = FlightWatch(exchange, reader.platform, mission.name, autopilot)
         last_s = 0.0
         for entry in reader.entries():

@@ -8,6 +8,7 @@ from gloc3.errors import Refused
 
 FILES: Final = (
     "log.mcap",
+    "log.tlog",
     "truth.mcap",
     "report.json",
     "path.svg",

@@ -15,6 +15,8 @@ def test_what_an_earlier_flight_left_goes_and_what_is_somebody_elses_stays(tmp_p
     (out / "images").mkdir(parents=True)
     ours = [
         "log.mcap",
+        "log.tlog",
+        "flight_001.ulg",
         "report.json",
         "requests.journal.3",
         "events.store.new",

@@ -113,9 +113,9 @@ class StationOptions:
     do: Annotated[list[str] | None, Parameter(negative=())] = None
     """With --headless and a --platform: commands each vehicle, each command awaited until telemetry shows it done; may
     be given again. Without a companion: arm, disarm, "take_off HEIGHT", hold, return, land, "go_to LATITUDE LONGITUDE HEIGHT",
-    "speed M_S", "mode NAME", start_plan, pause_plan, picture, record, stop_recording, "point PITCH YAW", reboot. With one: take_off, hold, return, land and go_to as single
-    actions. The first that is refused or not done ends the commands to this vehicle; the exit code is the first vehicle's that
-    is not 0."""
+    "speed M_S", "mode NAME", start_plan, pause_plan, picture, record, stop_recording, "point PITCH YAW", reboot. With one:
+    take_off, hold, return, land and go_to as single actions. The first that is refused or not done ends the commands to this
+    vehicle; the exit code is the first vehicle's that is not 0."""
     within: float = 120.0
     """With --do: the time for each command to be done, s."""
     far_away_ok: Annotated[bool, FLAG] = False

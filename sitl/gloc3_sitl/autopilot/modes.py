@@ -14,6 +14,23 @@ if TYPE_CHECKING:
     from gloc3_sitl.autopilot.craft import Craft
 
 
+NAVIGATION_STATES: Final[Mapping[str, int]] = {
+    "Manual": 0,
+    "Altitude": 1,
+    "Position": 2,
+    "Mission": 3,
+    "Hold": 4,
+    "Return": 5,
+    "Offboard": 14,
+    "Stabilized": 15,
+    "Takeoff": 17,
+    "Land": 18,
+    "Follow": 19,
+    "Orbit": 21,
+}
+"""PX4's numbers of its navigation states, by the names of its modes: `nav_state` in logs, and bits of mode groups."""
+
+
 class Behaviour(StrEnum):
     """Behaviours of the vehicle; several modes may share one."""
 

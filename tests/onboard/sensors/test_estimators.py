@@ -24,6 +24,7 @@ from gloc3_onboard.sensors.devices import Bell, StampedEstimatorPose
 from gloc3_onboard.sensors.registry import SourceHost, make_sources, parse_source
 from gloc3_onboard.sensors.sources.estimator import EstimatorSource
 from gloc3_onboard.sensors.sources.estimator_wire import JsonDecoder, OdometryDecoder
+from gloc3_sitl.demo.demo import free_ports
 
 UPPER = [float(number) for number in range(1, 22)]
 
@@ -121,12 +122,6 @@ def source(url: str) -> EstimatorSource:
     return EstimatorSource("estimator", parse_source("estimator", url), monotonic)
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def first(device: EstimatorSource, send: Callable[[], None]) -> StampedEstimatorPose:
     """The first pose that comes while `send` is called again and again."""
     received = threading.Event()
@@ -147,7 +142,7 @@ def first(device: EstimatorSource, send: Callable[[], None]) -> StampedEstimator
 
 @pytest.mark.parametrize(("scheme", "sent"), [("json", line()), ("odometry", odometry())])
 def test_a_pose_comes_over_udp_and_its_time_is_made_ours(scheme: str, sent: bytes) -> None:
-    port = free_port()
+    port = free_ports(1, socket.SOCK_DGRAM)[0]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
 
         def send() -> None:
@@ -159,7 +154,7 @@ def test_a_pose_comes_over_udp_and_its_time_is_made_ours(scheme: str, sent: byte
 
 
 def test_what_sends_something_else_is_named() -> None:
-    port = free_port()
+    port = free_ports(1, socket.SOCK_DGRAM)[0]
     device = source(f"json://127.0.0.1:{port}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender, device.connect() as stream:
         for _ in range(60):
@@ -170,7 +165,7 @@ def test_what_sends_something_else_is_named() -> None:
 
 
 def test_a_pose_comes_over_zenoh() -> None:
-    port = free_port()
+    port = free_ports(1, socket.SOCK_DGRAM)[0]
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", f'["tcp/127.0.0.1:{port}"]')
@@ -184,7 +179,7 @@ def test_a_pose_comes_over_zenoh() -> None:
 def test_what_cannot_be_a_source_of_poses_is_refused_or_lost_with_its_reason() -> None:
     with pytest.raises(Refused, match="add \\?connect=ENDPOINT"):
         make_sources({"estimator": "zenoh://openvins/odometry"}, SourceHost(None, None, lambda _: None))  # type: ignore[arg-type]
-    port = free_port()
+    port = free_ports(1, socket.SOCK_DGRAM)[0]
     with pytest.raises(Gloc3Error, match=f"estimator: tcp/127.0.0.1:{port} is not reached"):
         source(f"zenoh://a/b?connect=tcp/127.0.0.1:{port}").open()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:

@@ -6,24 +6,10 @@ from typing import Final
 
 from gloc3.messages.frames import to_euler
 from gloc3_sitl.autopilot.logs.records import LogHeader, LogRecord
+from gloc3_sitl.autopilot.modes import NAVIGATION_STATES
 
 MAGIC: Final = b"ULog\x01\x12\x35\x01"
 OUTPUTS: Final = 16
-NAVIGATION_STATES: Final[Mapping[str, int]] = {
-    "Manual": 0,
-    "Altitude": 1,
-    "Position": 2,
-    "Mission": 3,
-    "Hold": 4,
-    "Return": 5,
-    "Offboard": 14,
-    "Stabilized": 15,
-    "Takeoff": 17,
-    "Land": 18,
-    "Follow": 19,
-    "Orbit": 21,
-}
-"""`nav_state` of vehicle_status by the names of our modes."""
 _OTHER: Final = 4
 _ARMED, _DISARMED = 2, 1
 _NOTICE: Final = ord("0") + 5

@@ -16,6 +16,7 @@ from gloc3.mavlink.message import Address, MavlinkMessage
 from gloc3.mavlink.service import Microservice
 from gloc3_sitl.autopilot.autopilot import Autopilot
 from gloc3_sitl.autopilot.mavlink.metadata import packed
+from gloc3_sitl.autopilot.modes import NAVIGATION_STATES
 
 _ARGUMENT_BYTES: Final = 40
 _FIRST_SEQUENCE: Final = 65525
@@ -197,21 +198,6 @@ _POLL_S: Final = 0.5
 _PERIOD_S: Final = 2.0
 """Shortest time between reports of changes."""
 _EVERY_MODE: Final = 0xFFFFFFFF
-_BITS: Final = {
-    "Manual": 0,
-    "Altitude": 1,
-    "Position": 2,
-    "Mission": 3,
-    "Hold": 4,
-    "Return": 5,
-    "Offboard": 14,
-    "Stabilized": 15,
-    "Takeoff": 17,
-    "Land": 18,
-    "Follow": 19,
-    "Orbit": 21,
-}
-"""Place of each mode's bit in `navigation_mode_group_t`: PX4's number of the navigation state."""
 _COMPONENTS: Final = {
     0: "none",
     1: "absolute_pressure",
@@ -248,7 +234,7 @@ class HealthReporter:
         self._polled_s = -_POLL_S
         self._sent_s = -_PERIOD_S
         self._sent: Report | None = None
-        groups = {_BITS[mode.name]: (mode.name, mode.custom_mode) for mode in commander.style.modes}
+        groups = {NAVIGATION_STATES[mode.name]: (mode.name, mode.custom_mode) for mode in commander.style.modes}
         self.metadata: Final = metadata_file(groups, _COMPONENTS)
         """Metadata of the events."""
         commander.on_arming_refused = self._refused
@@ -280,7 +266,7 @@ class HealthReporter:
         failed: dict[str, int] = {}
         can_arm = can_run = every = 0
         for mode in commander.style.modes:
-            bit = 1 << _BITS[mode.name]
+            bit = 1 << NAVIGATION_STATES[mode.name]
             every |= bit
             # A mode that does not permit arming is a reason only while it is the current one.
             counts = mode.can_arm or mode is commander.mode

@@ -64,8 +64,8 @@ def served(data: bytes) -> Iterator[str]:
             stream.recv(1)
 
     threading.Thread(target=serve, daemon=True).start()
-    yield f"lines://127.0.0.1:{server.getsockname()[1]}"
-    server.close()
+    with server:
+        yield f"lines://127.0.0.1:{server.getsockname()[1]}"
 
 
 def test_a_probe_over_tcp_is_read() -> None:
@@ -82,8 +82,9 @@ def test_a_probe_over_tcp_is_read() -> None:
     assert abs(reading.t_s - monotonic()) < 30.0
 
 
-def read_for_ever(device: LineProbe) -> None:
-    """Reads until it raises; a thread of the device has to see the lines first."""
+def open_and_read(device: LineProbe) -> None:
+    """Reads until it raises; a thread of the device has to see the lines first, and it may have done so at once."""
+    device.open()
     between = threading.Event()
     for _ in range(1000):
         assert device.reading() is None
@@ -94,9 +95,8 @@ def test_one_that_never_says_the_name_is_given_up_with_the_reason(monkeypatch: p
     monkeypatch.setattr("gloc3_onboard.sensors.threaded.GIVE_UP_S", 0.0)
     with served(b"temperature 18.5 C\n" * 60) as url:
         device = LineProbe(CO2, parse_source(CO2, f"{url}#co2"), monotonic)
-        device.open()
         with pytest.raises(Gloc3Error, match=r"\d+ sends lines, but none with a number after 'co2'"):
-            read_for_ever(device)
+            open_and_read(device)
         device.close()
 
 

@@ -27,6 +27,7 @@ _PX4_MODES: Final = {
     (6, 0): "OFFBOARD",
     (7, 0): "STABILIZED",
     (8, 0): "RATTITUDE",
+    (10, 0): "TERMINATION",
 }
 """Main and sub mode (`px4_custom_mode.h`); a sub mode that is not listed has its main mode's name."""
 PX4_MODE_WORDS: Final[Mapping[str, str]] = {
@@ -46,6 +47,7 @@ PX4_MODE_WORDS: Final[Mapping[str, str]] = {
     "OFFBOARD": "Offboard",
     "STABILIZED": "Stabilized",
     "RATTITUDE": "Rattitude",
+    "TERMINATION": "Termination",
 }
 """PX4's modes by the names of its own documents."""
 _AMBIGUOUS: Final = frozenset({"MANUAL", "ACRO"})

@@ -42,6 +42,7 @@ MODES: Final[Modes] = {
     6 << 16: (FlightMode.GUIDED, "OFFBOARD"),
     7 << 16: (FlightMode.MANUAL, "STABILIZED"),
     8 << 16: (FlightMode.MANUAL, "RATTITUDE"),
+    10 << 16: (FlightMode.OTHER, "TERMINATION"),
 }
 _COMMANDED: Final = {
     FlightMode.HOLD: 4 << 16 | 3 << 24,

@@ -59,17 +59,27 @@ class BootClock:
         self._offset_s = math.inf
         self._last_s = 0.0
         self._last_boot_ms = 0.0
+        self._earlier_ms: float | None = None
+        """A stamp from long before the newest, if no other has come since."""
         self.rate = 1.0
         """Its seconds in one of ours, where it gains on ours; else 1."""
         self._rated: tuple[float, float] | None = None
         """Time and offset at the begin of the measurement of the rate."""
 
     def t_s(self, boot_ms: float, now_s: float) -> float:
-        """Our time of an autopilot's time stamp; never later than now."""
+        """Our time of an autopilot's time stamp; never later than now.
+
+        A clock that has restarted goes on from an earlier time; an earlier stamp by itself is that of a sensor that has
+        stopped, which some firmware repeats.
+        """
         if boot_ms + RESTARTED_MS < self._last_boot_ms:
+            if self._earlier_ms is None or boot_ms <= self._earlier_ms:
+                self._earlier_ms = boot_ms
+                return boot_ms * 1e-3 + self._offset_s
             self.restarts += 1
             self._offset_s, self._rated = math.inf, None
             self._last_boot_ms = boot_ms
+        self._earlier_ms = None
         self._last_boot_ms = max(self._last_boot_ms, boot_ms)
         drift_s = self.DRIFT * (now_s - self._last_s)
         self._offset_s = min(self._offset_s + drift_s, now_s - boot_ms * 1e-3)

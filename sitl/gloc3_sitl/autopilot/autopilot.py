@@ -238,6 +238,7 @@ class Autopilot:
         self.calibration.tick(now_s)
         for listener in self.on_outer:
             listener(now_s)
+        self.imu_recent.clear()
 
     # -- readings ---------------------------------------------------------------------------------------------------
 

@@ -29,6 +29,8 @@ _EXEMPT: Final = {
 
 
 _PERIOD_S: Final = 0.1
+_ATTITUDE_LOST_S: Final = 1.0
+"""Silence of the inertial unit after which nothing can be flown any more: so does PX4; ArduPilot's watchdog waits 2 s."""
 _STREAM_BACK_S: Final = 1.0
 """Time of steady setpoints after which a loss has ended, s."""
 
@@ -245,6 +247,11 @@ def _position_lost(safes: FailsafeMonitor) -> str:
     return "position lost" if standing or now_s - last > craft.tuning.position_lost_s else ""
 
 
+def _attitude_lost(safes: FailsafeMonitor) -> str:
+    silent_s = safes.craft.now_s - safes.craft.estimator.inertial.t_s
+    return "attitude lost" if silent_s > _ATTITUDE_LOST_S else ""
+
+
 def _fence_broken(safes: FailsafeMonitor) -> str:
     if safes.craft.is_landed:
         return ""
@@ -298,6 +305,7 @@ WATCHES: Final = (
         condition=lambda safes: "Leak Detected" if safes.craft.is_leaking else "",
         action=lambda tuning: tuning.leak_action,
     ),
+    FailsafeRow(name="attitude", condition=_attitude_lost, action=lambda _: FailsafeAction.TERMINATE),
     FailsafeRow(name="position", condition=_position_lost, action=lambda tuning: tuning.position_lost_action),
     FailsafeRow(name="fence", condition=_fence_broken, action=lambda tuning: tuning.fence_action),
 )

@@ -10,6 +10,7 @@ from gloc3.mavlink.flight_modes import autopilot_name, mode_name, mode_words, ty
     [
         (12, 2, 4 << 16 | 4 << 24, "AUTO.MISSION"),
         (12, 2, 3 << 16 | 7 << 24, "POSCTL"),
+        (12, 2, 10 << 16, "TERMINATION"),
         (12, 2, 99 << 16, f"mode {99 << 16}"),
         (3, 2, 17, "BRAKE"),
         (3, 1, 5, "FLY_BY_WIRE_A"),

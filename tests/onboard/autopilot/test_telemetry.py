@@ -31,13 +31,25 @@ def test_a_burst_after_a_stall_is_old_and_not_taken_for_new() -> None:
     assert clock.restarts == 0
 
 
-def test_a_clock_that_begins_anew_is_followed_at_once() -> None:
+def test_a_clock_that_has_restarted_is_followed_from_its_second_stamp() -> None:
     clock = BootClock()
     clock.t_s(60_000, 100.0)
     assert clock.t_s(59_800, 100.01) == pytest.approx(99.8, abs=0.01), "only overtaken"
-    assert clock.t_s(200, 103.0) == pytest.approx(103.0)
+    assert clock.t_s(200, 103.0) == pytest.approx(40.2), "one alone may be anything"
+    assert clock.restarts == 0
+    assert clock.t_s(210, 103.01) == pytest.approx(103.01)
     assert clock.restarts == 1
     assert clock.t_s(700, 103.5) == pytest.approx(103.5)
+
+
+def test_a_sensor_that_has_stopped_and_is_repeated_is_no_restart() -> None:
+    clock = BootClock()
+    for step in range(100):
+        now_s = 100.0 + 0.1 * step
+        assert clock.t_s(60_000 + 100 * step, now_s) == pytest.approx(now_s)
+        assert clock.t_s(59_950, now_s) == pytest.approx(99.95, abs=0.01), "as old as it is"
+        assert clock.t_s(59_950, now_s) == pytest.approx(99.95, abs=0.01)
+    assert clock.restarts == 0
 
 
 def test_a_slow_clock_is_followed() -> None:
@@ -114,6 +126,7 @@ def received(name: str, *, style: Any = None, **fields: Any) -> Telemetry:
         (Px4(), 4 << 16 | 3 << 24, FlightMode.HOLD, "AUTO.LOITER"),
         (Px4(), 3 << 16, FlightMode.MANUAL, "POSCTL"),
         (Px4(), 4 << 16 | 5 << 24, FlightMode.RETURN, "AUTO.RTL"),
+        (Px4(), 10 << 16, FlightMode.OTHER, "TERMINATION"),
         (Px4(), 99 << 16, FlightMode.OTHER, f"mode {99 << 16}"),
         (ArduPilot(), 4, FlightMode.GUIDED, "GUIDED"),
         (ArduPilot(), 17, FlightMode.HOLD, "BRAKE"),

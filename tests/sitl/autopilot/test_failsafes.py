@@ -256,6 +256,23 @@ def test_a_lost_position_lands_it(style: str, mode: str) -> None:
     assert abs(bench.position[1]) < 3.0
 
 
+@pytest.mark.parametrize("style", ["px4", "ardupilot"])
+def test_without_its_inertial_unit_it_stops_its_motors(style: str) -> None:
+    bench = Bench(style)
+    bench.take_off()
+    bench.command(511, 105, 10_000)  # HIGHRES_IMU
+    bench.run(1.0)
+    bench.sim.sensors.fail("imu", "lost")
+    bench.run(0.5)
+    samples = bench.counts["HIGHRES_IMU"]
+    assert bench.is_armed, "for a moment it may be missing"
+    bench.run(1.0)
+    assert "Failsafe: attitude lost" in bench.texts
+    assert not bench.is_armed
+    assert bench.last("HEARTBEAT").system_status == 8
+    assert 0 < samples == bench.counts["HIGHRES_IMU"], "nothing old is repeated"
+
+
 @pytest.mark.parametrize(("choice", "mode"), [(2, "Hold"), (3, "Return"), (5, "Land")])
 def test_px4_acts_at_the_height_of_its_fence(choice: int, mode: str) -> None:
     bench = Bench()

@@ -197,7 +197,7 @@ class PilotWatch:
             lands = self._expected in (FlightMode.LAND, FlightMode.RETURN) or FlightMode.LAND in self._commanded
             lands = lands or may_disarm
             if not lands and looked_s > self._disarm_until_s:
-                self.lose("the vehicle was disarmed by another party")
+                self.lose(f"the vehicle was disarmed by {_who(state)}", is_failsafe=state.is_failsafe)
         if state.mode is before.mode:
             return
         ours = next((mode for mode in reversed(self._commanded) if state.mode in FOLLOWS[mode]), None)
@@ -232,5 +232,9 @@ class PilotWatch:
         return is_new and self._expected is FlightMode.GUIDED and now_s <= self._gap_until_s
 
     def _chosen(self, state: AutopilotState) -> str:
-        who = "the autopilot (failsafe)" if state.is_failsafe else "another party"
-        return f"mode {mode_words(state.mode_name)} was chosen by {who}"
+        return f"mode {mode_words(state.mode_name)} was chosen by {_who(state)}"
+
+
+def _who(state: AutopilotState) -> str:
+    """Who has done what the state shows, as far as it does."""
+    return "the autopilot (failsafe)" if state.is_failsafe else "another party"

@@ -91,13 +91,18 @@ class ReceiverCheck:
         """Of the estimate, level and vertical, before the receiver froze."""
 
     def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool) -> None:
-        """Handles a fix, valid or not; at rest on the ground receivers may hold their position."""
+        """Handles a fix, valid or not; at rest on the ground receivers may hold their position.
+
+        A vehicle that sinks or climbs slowly may seem to rest in between: that takes back no repetition in flight.
+        """
         is_same = self._fix is not None and fix.place_geo == self._fix.place_geo and fix.is_valid
         if is_same and (is_in_flight or self.frozen_s(t_s)):
             self._same += 1
             self._alike = self._alike + 1 if fix == self._fix else 0
-        else:
+        elif not is_same:
             self._changed_s, self._same, self._alike = t_s, 0, 0
+        elif not self._same:
+            self._changed_s = t_s
         self._fix, self._fix_s = fix, t_s
 
     def std_m(self, t_s: float) -> float:
@@ -183,6 +188,8 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._receiver = ReceiverCheck()
         self._contradiction = NO_DOUBT
         """How far the receiver contradicts."""
+        self._has_risen = False
+        """Whether it has moved in the take-off that is under way: it is not at rest then, however slowly it climbs."""
         self._height_s = math.inf
         """When anything has measured the height."""
         self._on_earth: tuple[tuple[float, float, float], TangentPlane] | None = None
@@ -210,6 +217,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._last = None
         self._drift_ned_m, self._jump_m = (0.0, 0.0, 0.0), 0.0
         self._receiver, self._contradiction, self._height_s = ReceiverCheck(), NO_DOUBT, math.inf
+        self._has_risen = False
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
@@ -227,7 +235,9 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         if landed is LandedState.IN_AIR and not self.settings.is_level:
             return True
         is_moving = self._last is not None and math.hypot(*self._last.velocity_ned_m_s) > AT_REST_M_S
-        return is_moving and landed in _OFF_THE_GROUND
+        has_risen = landed is LandedState.TAKING_OFF and self._has_risen
+        self._has_risen = has_risen or (is_moving and landed is LandedState.TAKING_OFF)
+        return has_risen or (is_moving and landed in _OFF_THE_GROUND)
 
     def _place(self, given: AutopilotPose, t_s: float) -> Pose:
         self.reason = ""

@@ -20,6 +20,8 @@ _IMU_LOST_S: Final = 0.1
 """Age of the newest inertial sample from which there is no estimate of the present."""
 _BAROMETER_M2, _DEPTH_M2 = 0.25, 0.0025
 """Variance of a height by the pressure of air, and of a depth by that of water, which is a thousand times steeper."""
+_CLIMB_M2_S2: Final = 0.2
+"""Least variance of a climb that satellites measure: PX4's EKF2_GPS_V_NOISE by 1.5, or a stuck receiver lifts it again."""
 _GYRO_ALONE_S: Final = 3.0
 """So long the gyro alone keeps the attitude better than a level found from gravity and the vehicle's own accelerations."""
 _BIAS_SHARE: Final = 0.04
@@ -138,7 +140,9 @@ class Estimator:
             if not self.sources & (AidingSource.EXTERNAL_HEIGHT | AidingSource.RANGE_HEIGHT | AidingSource.DEPTH):
                 height_accuracy = max(fix.vertical_accuracy_m, 0.01) ** 2
                 self._use_height(self.height_state, measured[2], believed.position_ned_m[2], height_accuracy, now_s)
-                self._correct_vertical(self._vertical.measure_velocity(2.0 * speed_accuracy), ud - vd)
+                self._correct_vertical(
+                    self._vertical.measure_velocity(max(2.0 * speed_accuracy, _CLIMB_M2_S2)), ud - vd
+                )
 
     def use_external(self, pose: ExternalOdometry, now_s: float) -> None:
         """External odometry (vision, laser, motion capture)."""

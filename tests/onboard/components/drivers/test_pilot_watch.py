@@ -119,6 +119,9 @@ def test_a_disarm_that_is_not_the_end_of_our_landing_is_somebody_elses() -> None
     assert story.see(standing(GUIDED))
     assert story.watch.reason == "the vehicle was disarmed by another party"
     story = in_flight()
+    assert story.see(standing(FlightMode.OTHER, is_failsafe=True))
+    assert story.watch.is_failsafe, "a termination, and no pilot's"
+    story = in_flight()
     story.command(LAND)
     assert not story.see(standing(HOLD)), "landed and disarmed between two reports"
 

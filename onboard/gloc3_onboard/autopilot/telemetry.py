@@ -46,6 +46,9 @@ GAINED_S: Final = 2.5
 """A clock that gains more than this on ours is too fast, s; simulations catch up delays of up to 2 s."""
 RATED_S: Final = 10.0
 """Time after which the measurement of a clock's rate begins again, s."""
+BREACH_S: Final = 1.0
+"""A mode that begins within this of a breach of the autopilot's fence, before or after, is its answer, s: ArduPilot changes
+its mode, sends HEARTBEAT and FENCE_STATUS, and does not report a critical state, as it does in other failsafes."""
 
 
 class BootClock:
@@ -133,6 +136,7 @@ class Telemetry:
         "DISTANCE_SENSOR",
         "EXTENDED_SYS_STATE",
         "HOME_POSITION",
+        "FENCE_STATUS",
         "EKF_STATUS_REPORT",
         "ESTIMATOR_STATUS",
     )
@@ -155,6 +159,13 @@ class Telemetry:
         self._has_attitude = False
         self._position_s = -math.inf
         """When the last position came."""
+        self._mode_s = -math.inf
+        """When the mode changed."""
+        self._breaches = 0
+        self._breached_s = -math.inf
+        """When the autopilot reported a new breach of its fence."""
+        self._answers_fence = False
+        """Whether the mode is the autopilot's answer to a breach."""
         self._warnings: deque[tuple[float, str]] = deque(maxlen=8)
         self._reasons: dict[str, float] = {}
         """Reasons against arming, and when each was last reported."""
@@ -247,7 +258,9 @@ class Telemetry:
             case "DISTANCE_SENSOR":
                 self._distance(message, now_s)
             case "HEARTBEAT":
-                self._heartbeat(message)
+                self._heartbeat(message, now_s)
+            case "FENCE_STATUS":
+                self._fence(message, now_s)
             case "EXTENDED_SYS_STATE":
                 if self._style is None or self._style.class_properties.reports_landed:
                     self._set(landed=_LANDED.get(message.landed_state, LandedState.UNKNOWN))
@@ -268,20 +281,30 @@ class Telemetry:
         if any(getattr(self.state, name) != value for name, value in fields.items()):
             self.state = msgspec.structs.replace(self.state, **fields)
 
-    def _heartbeat(self, message: MavlinkMessage) -> None:
+    def _heartbeat(self, message: MavlinkMessage, now_s: float) -> None:
         if self._style is None:
             return
+        if message.custom_mode != self.custom_mode:
+            self._mode_s, self._answers_fence = now_s, now_s - self._breached_s < BREACH_S
         self.custom_mode = message.custom_mode
         self._set(
             style=self._style.style,
             is_armed=bool(message.base_mode & ARMED),
             mode=self._style.flight_mode(message.custom_mode),
             mode_name=self._style.mode_name(message.custom_mode),
-            is_failsafe=message.system_status >= CRITICAL,
+            is_failsafe=message.system_status >= CRITICAL or self._answers_fence,
             vehicle=self._style.class_properties.vehicle,
         )
         if not self._style.class_properties.reports_landed:
             self._set(landed=LandedState.IN_AIR if self.state.is_armed else LandedState.ON_GROUND)
+
+    def _fence(self, message: MavlinkMessage, now_s: float) -> None:
+        if message.breach_status and message.breach_count != self._breaches:
+            self._breached_s = now_s
+            if now_s - self._mode_s < BREACH_S:
+                self._answers_fence = True
+                self._set(is_failsafe=True)
+        self._breaches = message.breach_count
 
     def _system(self, message: MavlinkMessage, now_s: float) -> None:
         is_armable = bool(message.onboard_control_sensors_health & PREARM_BIT)

@@ -38,10 +38,13 @@ class FenceMonitor:
         "breach_s",
         "breaches",
         "is_broken",
+        "is_newly_broken",
     )
 
     def __init__(self) -> None:
         self.is_broken = False
+        self.is_newly_broken = False
+        """Whether that was not reported yet."""
         self.breaches = 0
         """Times that it was broken in flight."""
         self.breach_s = 0.0
@@ -69,6 +72,7 @@ class FenceMonitor:
         if broken and not self.is_broken:
             self.breaches += 1
             self.breach_s = craft.now_s
+            self.is_newly_broken = True
         self.is_broken = bool(broken)
         return broken
 

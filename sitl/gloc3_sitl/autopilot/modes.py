@@ -139,6 +139,8 @@ class StyleTables:
     """Custom mode that follows when a behaviour is done."""
     keeps_intention: bool
     """Whether any mode may be chosen while disarmed, and disarming leads back to the last one that can arm."""
+    fence_is_critical: bool
+    """Whether the heartbeat reports a critical state when the fence acts; ArduPilot sends FENCE_STATUS at once instead."""
     hold_mode: int
     brake_mode: int
     takeoff_mode: int

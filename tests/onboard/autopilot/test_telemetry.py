@@ -140,6 +140,27 @@ def test_modes_are_read_by_the_style(style: Px4 | ArduPilot, custom_mode: int, m
     assert (state.mode, state.mode_name, state.is_armed, state.is_failsafe) == (mode, name, True, True)
 
 
+@pytest.mark.parametrize("is_mode_first", [True, False])
+def test_the_mode_in_which_ardupilot_answers_a_breach_of_its_fence_is_its_failsafe(is_mode_first: bool) -> None:
+    telemetry = Telemetry()
+    telemetry.adopt(ArduPilot())
+    guided, returning = (
+        codec.message("HEARTBEAT", custom_mode=mode, base_mode=129, system_status=4) for mode in (4, 6)
+    )
+    breach = codec.message("FENCE_STATUS", breach_status=1, breach_count=3)
+    telemetry.receive(codec.message("FENCE_STATUS", breach_status=0, breach_count=2), 1.0)
+    telemetry.receive(guided, 1.0)
+    assert not telemetry.state.is_failsafe
+    for message in (returning, breach) if is_mode_first else (breach, returning):
+        telemetry.receive(message, 10.0)
+    assert telemetry.state.is_failsafe
+    telemetry.receive(breach, 15.0)
+    telemetry.receive(returning, 15.0)
+    assert telemetry.state.is_failsafe, "as long as it returns"
+    telemetry.receive(guided, 16.0)
+    assert not telemetry.state.is_failsafe, "somebody has taken over"
+
+
 @pytest.mark.parametrize("mode", [FlightMode.GUIDED, FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN])
 @pytest.mark.parametrize("style", [Px4(), ArduPilot()])
 def test_the_modes_that_are_asked_for_are_those_that_are_read(style: Px4 | ArduPilot, mode: FlightMode) -> None:

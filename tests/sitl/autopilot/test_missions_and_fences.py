@@ -321,6 +321,8 @@ def test_a_closed_area_counts_in_ardupilot_when_the_fence_is_on() -> None:
     bench.set_parameter("FENCE_ENABLE", 1)
     bench.run(0.1)
     assert bench.mode == "RTL"
+    assert bench.last("HEARTBEAT").system_status == 4, "not critical, as in other failsafes: this is told at once by"
+    assert bench.last("FENCE_STATUS").breach_status == 1
 
 
 def test_a_fence_that_is_not_closed_is_refused() -> None:

@@ -1,5 +1,6 @@
 """Distinguishes a human pilot, the autopilot's failsafe and a gap of ours (DESIGN §7: the pilot wins)."""
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -21,6 +22,11 @@ OURS: Final = frozenset(FOLLOWS) - {FlightMode.RETURN}
 
 _COMING_DOWN: Final = frozenset({FlightMode.RETURN, FlightMode.LAND})
 """Modes in which an autopilot flies the last item of its mission."""
+
+_ANSWERS: Final = frozenset({FlightMode.RETURN, FlightMode.LAND, FlightMode.HOLD})
+"""Modes in which an autopilot answers a breach of its fence."""
+REASON_LATE_S: Final = 1.0
+"""So long after such a mode the autopilot may still report that it was its failsafe, s: ArduPilot sends its mode first."""
 
 ANSWER_S: Final = 5.0
 """Time after our command (repetitions included) in which its mode is attributed to us, s."""
@@ -59,6 +65,8 @@ class PilotWatch:
         self._gap_s = 0.0
         """Length of the last gap, which explains a hold until `_gap_until_s`."""
         self._received_s: float | None = None
+        self._lost_s = -math.inf
+        """When somebody else took control."""
         self._begins = True
         self._is_guided_left = False
         """The failsafe that has control took the vehicle out of our guided mode."""
@@ -108,6 +116,7 @@ class PilotWatch:
         """Somebody else has control; the first reason stays."""
         if not self.has_control:
             self.has_control, self.reason, self.is_failsafe = True, reason, is_failsafe
+            self._lost_s = self._polled_s
 
     # --- what we see ---
 
@@ -199,6 +208,9 @@ class PilotWatch:
             if not lands and looked_s > self._disarm_until_s:
                 self.lose(f"the vehicle was disarmed by {_who(state)}", is_failsafe=state.is_failsafe)
         if state.mode is before.mode:
+            is_reported_late = state.is_failsafe and not before.is_failsafe and now_s - self._lost_s < REASON_LATE_S
+            if self.has_control and is_reported_late and state.mode in _ANSWERS:
+                self.reason, self.is_failsafe = self._chosen(state), True
             return
         ours = next((mode for mode in reversed(self._commanded) if state.mode in FOLLOWS[mode]), None)
         if ours is not None:

@@ -216,6 +216,7 @@ class Front:
 
     def tick(self, now_s: float) -> None:
         """After each outer period: heartbeat, streams, services."""
+        self._report_fence()
         self._update_heartbeat()
         if self._calibration is not None and now_s >= self._calibration[1]:
             self._commands.answer(self._calibration[0], CommandResult.ACCEPTED, now_s=now_s)
@@ -231,13 +232,25 @@ class Front:
         self._send_positions()
         self.context.stream(now_s)
 
+    @property
+    def _is_critical(self) -> bool:
+        failsafes = self.autopilot.failsafes
+        return failsafes.is_acting and (self.commander.style.fence_is_critical or failsafes.cause != "fence")
+
+    def _report_fence(self) -> None:
+        """A new breach is reported before the mode that answers it."""
+        fence = self.commander.fence
+        if fence.is_newly_broken and not self.commander.style.fence_is_critical:
+            self.context.send_now("FENCE_STATUS")
+        fence.is_newly_broken = False
+
     def _update_heartbeat(self) -> None:
         heartbeat, commander, craft = self._heartbeat, self.commander, self.craft
         base = commander.mode.base_mode | _CUSTOM | (_ARMED if craft.is_armed else 0)
         custom = commander.mode.custom_mode
         if commander.is_terminated:
             status = _TERMINATED
-        elif self.autopilot.failsafes.is_acting:
+        elif self._is_critical:
             status = _CRITICAL
         elif not self.autopilot.estimator.is_aligned:
             status = _BOOT

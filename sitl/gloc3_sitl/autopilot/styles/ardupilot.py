@@ -39,6 +39,7 @@ ARDUPILOT: Final = StyleTables(
     boot_mode=_STABILIZE,
     goes_on={},
     keeps_intention=False,
+    fence_is_critical=False,
     hold_mode=_BRAKE,
     brake_mode=_BRAKE,
     takeoff_mode=_GUIDED,

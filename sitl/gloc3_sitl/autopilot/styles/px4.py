@@ -48,6 +48,7 @@ PX4: Final = StyleTables(
     boot_mode=_HOLD,
     goes_on={Behaviour.TAKE_OFF: _HOLD, Behaviour.MISSION: _HOLD},
     keeps_intention=True,
+    fence_is_critical=True,
     hold_mode=_HOLD,
     brake_mode=_HOLD,
     takeoff_mode=_TAKE_OFF,

@@ -107,6 +107,19 @@ def test_the_autopilots_own_failsafe_takes_over_too() -> None:
     assert "the autopilot (failsafe)" in story.watch.reason
 
 
+def test_a_return_may_be_explained_a_moment_later_but_no_manual_mode() -> None:
+    for mode, is_failsafe in ((RETURN, True), (MANUAL, False)):
+        story = in_flight()
+        assert story.see(flying(mode))
+        assert not story.watch.is_failsafe
+        assert story.see(flying(mode, is_failsafe=True))
+        assert story.watch.is_failsafe is is_failsafe
+    story = in_flight()
+    assert story.see(flying(RETURN))
+    assert story.see(flying(RETURN, is_failsafe=True), after_s=2.0)
+    assert not story.watch.is_failsafe, "by then it has another reason"
+
+
 def test_at_the_end_of_a_plan_the_disarming_may_be_received_before_the_ground() -> None:
     story = in_flight(FlightMode.MISSION)
     assert not story.see(flying(FlightMode.MISSION, is_armed=False), comes_down=True, is_low=True)

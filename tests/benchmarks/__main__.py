@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from tests.benchmarks import (
     footprint,
+    front_door,
     fusion,
     ground,
     laser,
@@ -21,6 +22,7 @@ BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
     "turnaround": turnaround.run,
     "network": network.run,
+    "front_door": front_door.run,
     "router": router.run,
     "footprint": footprint.run,
     "terminal": terminal.run,

@@ -18,7 +18,7 @@ ON_LOOPBACK = {
     ),
     "relay udpin://:15001 udpout://127.0.0.1:15002": ("relaying between", "udp udp"),
     "onboard pelican_rtk --out out": ("components; log in", "udp udp"),
-    "onboard pelican_rtk --out out --network yard/pelican.main/network.yaml": ("components; log in", "tcp udp"),
+    "onboard pelican_rtk --out out --network yard/pelican.main/network.yaml": ("components; log in", "tcp tcp udp"),
     "station --headless --config none.toml": ("listening on", "udp"),
     "station --web --foxglove --config none.toml": ("the station is at", "tcp tcp udp"),
     "station --web --config none.toml --network yard/alice/network.yaml": ("the station is at", "tcp"),

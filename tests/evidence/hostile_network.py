@@ -7,7 +7,17 @@ from typing import Final
 
 import msgspec
 from tests.evidence.page import Bar, Figure, Progress
-from tests.onboard.hostile_network import ADDRESS, Phase, Result, attacks_on, fly_and_attack, made_yard, spaces
+from tests.onboard.hostile_network import (
+    ADDRESS,
+    SPACES,
+    STRANGER,
+    Phase,
+    Result,
+    attacks_on,
+    fly_and_attack,
+    made_yard,
+    spaces,
+)
 from tests.onboard.hosts.namespaces import missing
 
 STILL_S: Final = 0.1
@@ -56,6 +66,12 @@ def hostile(progress: Progress) -> list[Figure]:
             found.open_sockets == [f"tcp {ADDRESS}"],
         ),
         Figure(
+            "the vehicle's events about what came too often",
+            "; ".join(found.refused),
+            f"one names {SPACES[STRANGER]}",
+            any(text.startswith(f"refused {SPACES[STRANGER]}: ") for text in found.refused),
+        ),
+        Figure(
             "load of the computer (two cores)",
             f"{load:.1f}{': disturbed by other programs' if load > BUSY else ''}",
         ),
@@ -89,9 +105,7 @@ BARS: Final = (
         "A vehicle is in flight in a network namespace of its own; an operator flies it from a second one. Strangers attack "
         "from a third, members that have turned against it from the second, one after the other: each with real links, "
         "keys and bytes. Nobody but the operator is obeyed, and the vehicle's loop publishes its setpoints (every 0.05 s) "
-        "at most 0.1 s late. The row of idle connections shows a limit of Zenoh, which rejects about ten connections a "
-        "second that do not complete the handshake: members that are connected stay connected, others have to wait. "
-        "[docs/network.md](../network.md#pitfalls) says what to do.",
+        "at most 0.1 s late. [docs/network.md](../network.md#new-connections) describes how connections are accepted.",
         hostile,
     ),
 )

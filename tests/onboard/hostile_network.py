@@ -46,6 +46,10 @@ SPACES: Final = {VEHICLE: f"{NET}.1", GROUND: f"{NET}.2", STRANGER: f"{NET}.3"}
 ADDRESS: Final = f"{SPACES[VEHICLE]}:7447"
 SCOUTED: Final = 7446
 """Port of Zenoh's multicast scouting."""
+CONNECTED_S: Final = 0.5
+"""Time in which connections are accepted, s."""
+BEGUN: Final = b"\x16\x03\x01\x02\x00"
+"""The beginning of TLS: the header of a record, without the record."""
 LOOP_TOPIC: Final = "setpoint"
 """A topic that the vehicle's loop publishes by its own timer."""
 LOOP_S: Final = 0.05
@@ -78,6 +82,8 @@ class Attack(msgspec.Struct, frozen=True, kw_only=True):
     """Messages a second, or connections."""
     size: int = 0
     """Bytes of a message."""
+    first: bytes = b""
+    """What each connection sends."""
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True):
@@ -114,6 +120,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     lost: int
     """How often the operator's station has lost the vehicle."""
     open_sockets: list[str]
+    refused: list[str]
+    """The vehicle's events about connections and messages that came too often."""
 
 
 # --- the attackers ---
@@ -170,7 +178,7 @@ async def huge(attack: Attack) -> Outcome:
 
 
 async def idle(attack: Attack) -> Outcome:
-    """Opens TCP connections and says nothing."""
+    """Opens TCP connections and sends nothing more than the first bytes."""
     host, _, port = ADDRESS.rpartition(":")
     opened = list[socket.socket]()
     end_s = asyncio.get_running_loop().time() + attack.seconds
@@ -180,6 +188,10 @@ async def idle(attack: Attack) -> Outcome:
         with contextlib.suppress(BlockingIOError):
             one.connect((host, int(port)))
         opened.append(one)
+    await asyncio.sleep(CONNECTED_S)
+    for one in opened:
+        with contextlib.suppress(OSError):  # it may be closed, or not connected
+            one.send(attack.first)
     await asyncio.sleep(max(end_s - asyncio.get_running_loop().time(), 0.0))
     for one in opened:
         one.close()
@@ -310,6 +322,8 @@ async def attacks_on(yard: Yard, folder: Path, seconds: float = 6.0) -> list[Att
         insider("an observer's questions have 200 MB", "huge", bob, size=200_000_000),
         Attack(name="1,500 idle connections", kind="idle", number=1500, seconds=20.0),
         insider("… and a member that connects afterwards", "join", dave, seconds=180.0),
+        Attack(name="1,500 connections that begin TLS", kind="idle", number=1500, first=BEGUN, seconds=10.0),
+        insider("… and a member that connects after these", "join", dave, seconds=180.0),
     ]
 
 
@@ -381,6 +395,7 @@ def fly_and_attack(folder: Path, yard: Yard, attacks: Sequence[Attack]) -> Resul
             for each in reader.entries("components/hold/function")
             if each.envelope.payload.function == "set_rate"
         ]
+        refused = [each.envelope.payload.text for each in reader.entries("components/network/event")]
     phases = [
         Phase(
             name=attack.name,
@@ -398,6 +413,7 @@ def fly_and_attack(folder: Path, yard: Yard, attacks: Sequence[Attack]) -> Resul
         mission=state,
         lost=lost,
         open_sockets=sockets,
+        refused=[text for text in refused if text.startswith(("refused", "too_many"))],
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, Final
 
@@ -23,7 +23,7 @@ from gloc3.exchange.inbound import Arrivals, Inbound, KeyLimit
 from gloc3.exchange.large import LARGE, LargeInlet, bulk_key, topic_of
 from gloc3.exchange.near import NearServer
 from gloc3.exchange.outlet import LATCHED, UNKNOWN, TopicOutlet, latched_token
-from gloc3.exchange.zenoh_session import ZenohEndpoints, new_session, plain
+from gloc3.exchange.zenoh_session import NodeSession, ZenohEndpoints, open_node, plain
 from gloc3.messages.envelope import Envelope, Source
 from gloc3.messages.topics import TopicService, TopicTable, matches
 from gloc3.messages.wire import VersionsDiffer, WireError
@@ -69,7 +69,7 @@ def open_exchange(
     Raises:
         Gloc3Error: an endpoint is in use or invalid, or a child's parent is not reachable.
     """
-    exchange = ZenohExchange(new_session(node, settings), loop, topics, troubled, is_sharing=is_sharing)
+    exchange = ZenohExchange(open_node(node, settings), loop, topics, troubled, is_sharing=is_sharing)
     try:
         yield exchange
     finally:
@@ -80,7 +80,7 @@ class ZenohExchange:
     """A data exchange over one Zenoh session; `open_exchange` creates one that is always closed.
 
     Args:
-        session: an open session, closed with this.
+        node: an open session, closed with this.
         loop: calls the subscribers.
         topics: the message types that may be exchanged.
         troubled: called in the loop about lost and refused messages: the first, the tenth, the hundredth…
@@ -89,7 +89,7 @@ class ZenohExchange:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        node: NodeSession,
         loop: asyncio.AbstractEventLoop,
         topics: TopicTable,
         troubled: Troubled = lambda *_: None,
@@ -99,10 +99,11 @@ class ZenohExchange:
         self.here: Final = LocalExchange(topics)
         """Traffic inside this process: local publications, and remote messages with a local subscriber."""
         self._counts: dict[str, int] = {}
-        self._session = session
+        self._node = node
         self._loop = loop
         self._topics = topics
-        self._troubled = troubled
+        self.troubled = troubled
+        """Called about lost and refused messages and connections; may be replaced."""
         self._outlets: dict[str, TopicOutlet | None] = {}
         self._sources: dict[str, _Subscription] = {}
         self._tokens: dict[object, tuple[str, zenoh.LivelinessToken | None]] = {}
@@ -114,12 +115,13 @@ class ZenohExchange:
         """Last sequence number of each topic and source, for counting losses."""
         sender = SendQueue("zenoh huge", HUGE_DEPTH, self._fail)
         near = NearServer(loop) if is_sharing else None
-        self._means = Means(session, loop, self._arrivals, topics.types, near, sender)
+        self._means = Means(node.session, loop, self._arrivals, topics.types, near, sender)
         self._large = LargeInlet(self._means, self._receive_bytes, self._count)
         self._losses: dict[str, str] = {}
         """By topic: the losses that are not reported yet."""
         self._is_open = True
         self._is_over = False
+        self._node.accept(self._note_refused)
 
     # --- the exchange ---
 
@@ -215,7 +217,7 @@ class ZenohExchange:
         self._arrivals.close()
         self._close_large()
         self._means.sender.close()
-        _end_session(self._session, self._outlets)
+        _end_node(self._node, self._outlets)
 
     # --- what only this middleware has ---
 
@@ -238,20 +240,21 @@ class ZenohExchange:
             watch.declared = None
         self._close_large()
 
-        def change() -> zenoh.Session:
-            _end_session(self._session, outlets)
-            session = new_session(node, settings)
+        def change() -> NodeSession:
+            _end_node(self._node, outlets)
+            opened = open_node(node, settings)
             if self._is_over:
-                session.close()  # type: ignore[no-untyped-call]
-            return session
+                opened.close()
+            return opened
 
-        self._session = await self._loop.run_in_executor(None, change)
+        self._node = await self._loop.run_in_executor(None, change)
         if self._is_over:
             return
         near = NearServer(self._loop) if self._means.near is not None else None
-        self._means = self._means._replace(session=self._session, near=near)
+        self._means = self._means._replace(session=self._node.session, near=near)
         self._large = LargeInlet(self._means, self._receive_bytes, self._count)
         self._is_open = True
+        self._node.accept(self._note_refused)
         self._sequences.clear()
         for topic, last in kept.items():
             outlet = self._open_outlet(topic)
@@ -272,12 +275,24 @@ class ZenohExchange:
 
         `unsent`: dropped here, because receivers were too slow; `lost`: gaps in the received sequence, wherever
         dropped; `late`: dropped here, because the loop was too slow (part of the lost); `too_many`: dropped here,
-        because one sender sends too often; `too_long`, `damaged`, `versions`, `misplaced`: not accepted.
+        because one sender sends too often; `too_long`, `damaged`, `versions`, `misplaced`: not accepted. `refused ADDRESS`
+        are connections.
         """
         late = {f"late {p}": s.inbound.dropped for p, s in self._sources.items() if s.inbound.dropped}
         for topic, number in self._large.late().items():
             late[f"late {topic}"] = late.get(f"late {topic}", 0) + number
         return {**self._counts, **late}
+
+    # --- connections ---
+
+    def _note_refused(self, refused: Mapping[tuple[str, str], int]) -> None:
+        """In a thread: connections were refused."""
+        with suppress(RuntimeError):  # at its end the loop takes nothing any more
+            self._loop.call_soon_threadsafe(self._count_refused, refused)
+
+    def _count_refused(self, refused: Mapping[tuple[str, str], int]) -> None:
+        for (address, reason), number in refused.items():
+            self._count("refused", address, reason, number)
 
     # --- out ---
 
@@ -308,13 +323,13 @@ class ZenohExchange:
             return
         key = key_expression(pattern)
         subscription.declared = [
-            self._session.declare_subscriber(
+            self._node.session.declare_subscriber(
                 key, self._arrivals.receiver(subscription.inbound), allowed_origin=zenoh.Locality.REMOTE
             )
         ]
         if any(row.is_latched and key.intersects(f"*/{name}") for name, row in self._topics):
             subscription.declared.append(
-                self._session.liveliness().declare_subscriber(
+                self._node.session.liveliness().declare_subscriber(
                     key_expression(latched_token(pattern)),
                     self._arrivals.receiver(Inbound(partial(self._request_last, subscription))),
                     history=True,
@@ -322,7 +337,7 @@ class ZenohExchange:
             )
         if any(row.travels is TopicService.BULK and key.intersects(f"*/{name}") for name, row in self._topics):
             subscription.declared.append(
-                self._session.liveliness().declare_subscriber(
+                self._node.session.liveliness().declare_subscriber(
                     key_expression(bulk_key(pattern)),
                     self._arrivals.receiver(Inbound(partial(self._receive_bulk, subscription))),
                     history=True,
@@ -337,13 +352,13 @@ class ZenohExchange:
 
     def _declare_watch(self, pattern: str, watch: _Watch) -> None:
         if self._is_open:
-            watch.declared = self._session.liveliness().declare_subscriber(
+            watch.declared = self._node.session.liveliness().declare_subscriber(
                 key_expression(pattern), self._arrivals.receiver(watch.inbound), history=True
             )
 
     def _declare_token(self, token: str) -> zenoh.LivelinessToken | None:
         """Declares a token; it is withdrawn when the returned object is released."""
-        return self._session.liveliness().declare_token(token) if self._is_open else None
+        return self._node.session.liveliness().declare_token(token) if self._is_open else None
 
     def _receive_bulk(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
         """Somebody has large messages of a topic, or has them no more."""
@@ -401,7 +416,7 @@ class ZenohExchange:
         """Requests the last message of a latched topic from a node that holds one from before the connection."""
         if sample.kind == zenoh.SampleKind.PUT and self._is_open:
             topic = str(sample.key_expr).replace(f"/{LATCHED}/", "/", 1)
-            self._session.get(
+            self._node.session.get(
                 topic,
                 self._arrivals.receiver(subscription.inbound),
                 target=zenoh.QueryTarget.ALL,
@@ -426,7 +441,7 @@ class ZenohExchange:
         if len(str(before + number)) > len(str(before)) or not before:  # 1, 10, 100, …
             text = f"{place}: {reason} ({before + number} so far)"
             if kind != "lost":
-                self._troubled(kind, text)
+                self.troubled(kind, text)
                 return
             if not self._losses:
                 self._loop.call_later(BREAK_S, self._report_losses)
@@ -435,7 +450,7 @@ class ZenohExchange:
     def _report_losses(self) -> None:
         (first, *others), self._losses = self._losses.values(), {}
         if self._is_open:
-            self._troubled("lost", first + (f"; and of {counted(len(others), 'other topic')}" if others else ""))
+            self.troubled("lost", first + (f"; and of {counted(len(others), 'other topic')}" if others else ""))
 
 
 def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:
@@ -464,11 +479,11 @@ class _Watch:
         self.users = 0
 
 
-def _end_session(session: zenoh.Session, outlets: Mapping[str, TopicOutlet | None]) -> None:
+def _end_node(node: NodeSession, outlets: Mapping[str, TopicOutlet | None]) -> None:
     for outlet in outlets.values():
         if outlet is not None:
             outlet.close()
-    session.close()  # type: ignore[no-untyped-call]
+    node.close()
 
 
 def key_expression(pattern: str) -> zenoh.KeyExpr:

@@ -11,12 +11,14 @@ from collections.abc import Callable, Mapping
 from hashlib import blake2s
 from pathlib import Path
 from threading import Event
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import zenoh
+from msgspec.structs import replace
 
 from gloc3.errors import Gloc3Error
+from gloc3.exchange.front_door import TLS, FrontDoor, Refused
 from gloc3.messages.topics import BULK_BYTES, ENVELOPE_BYTES
 
 LEASE_S: Final = 2.0
@@ -57,6 +59,36 @@ class ZenohEndpoints(msgspec.Struct, frozen=True, kw_only=True):
     """The names of the nodes that may connect to this one, but for that which it connects to; children need no name."""
     is_child: bool = False
     """It connects to its parent process, which must be there."""
+
+
+class NodeSession(NamedTuple):
+    """A session, and the front door of its TLS addresses; None where it has none."""
+
+    session: zenoh.Session
+    door: FrontDoor | None
+
+    def accept(self, refused: Refused) -> None:
+        """Has the front door accept connections.
+
+        Args:
+            refused: called in a thread about connections that were closed at once.
+        """
+        door = self.door
+        if door is None:
+            return
+
+        def note(event: zenoh.LinkEvent) -> None:
+            if event.kind == zenoh.SampleKind.PUT:
+                door.note_link(str(event.link.dst))
+
+        self.session.info.declare_link_events_listener(note, history=True)
+        door.open(refused)
+
+    def close(self) -> None:
+        """Says goodbye, and frees the addresses."""
+        self.session.close()  # type: ignore[no-untyped-call]
+        if self.door is not None:
+            self.door.close()
 
 
 def configuration(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) -> zenoh.Config:
@@ -119,6 +151,24 @@ def new_session(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) ->
                 raise Gloc3Error(f"the network cannot be opened at {places}: {plain(error)}") from error
         tries_left -= 1
         pause.wait(TRY_S)
+
+
+def open_node(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) -> NodeSession:
+    """Opens a session, behind a front door where it listens over TLS; the caller has to close it.
+
+    Raises:
+        Gloc3Error: as for `new_session`.
+    """
+    announced = [endpoint for endpoint in node.listen if endpoint.startswith(TLS)]
+    if not announced:
+        return NodeSession(new_session(node, extra), None)
+    door = FrontDoor(announced)
+    others = [endpoint for endpoint in node.listen if endpoint not in announced]
+    try:
+        return NodeSession(new_session(replace(node, listen=(door.endpoint, *others)), extra), door)
+    except BaseException:
+        door.close()
+        raise
 
 
 def watch_links(session: zenoh.Session, changed: Callable[[str, bool], None]) -> None:

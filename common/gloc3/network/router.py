@@ -18,7 +18,7 @@ from gloc3.cli.narration import narrate
 from gloc3.clock import utc_now
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.exchange.zenoh import ZenohExchange
-from gloc3.exchange.zenoh_session import new_session, watch_links
+from gloc3.exchange.zenoh_session import open_node, watch_links
 from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 from gloc3.network.access import MemberRole
@@ -104,15 +104,15 @@ def routing(
     loop, random, own = asyncio.get_running_loop(), SystemRandom(), membership.file
     node = membership.node()
     node = msgspec.structs.replace(node, connect=node.connect[uplink : uplink + 1])
-    session = new_session(node, membership.settings())
-    exchange = ZenohExchange(session, loop, TopicTable.installed(), is_sharing=False)
+    opened = open_node(node, membership.settings())
+    exchange = ZenohExchange(opened, loop, TopicTable.installed(), lambda _, text: _warn(text), is_sharing=False)
 
     def adopt(_: Membership, *, is_anyone_out: bool) -> None:
         if is_anyone_out:
             loop.call_later(PASSED_ON_S, reload)
 
     try:
-        watch_links(session, changed)
+        watch_links(opened.session, changed)
         spreader = RevocationSpreader(exchange, loop, random, membership, adopt, _warn)
         reporter = RegionReporter(exchange, loop, own.member, own.region, random.getrandbits(32))
         yield spreader

@@ -19,7 +19,7 @@ from gloc3_onboard.hosts.host_agent import HostAgent
 from gloc3_onboard.hosts.host_clock import ClockServer
 from gloc3_onboard.hosts.host_watch import HostWatch
 from gloc3_onboard.hosts.pipe import ChildSetup
-from gloc3_onboard.hosts.shared import SharedExchange, renew, reread
+from gloc3_onboard.hosts.shared import SharedExchange, renew, report_strangers, reread
 from gloc3_onboard.inputs import VehicleInputs
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.runner import HostMember
@@ -69,6 +69,7 @@ class OtherProcesses:
         self._renewal = asyncio.Lock()
         if member is not None:
             self._events = LinkReports(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
+            report_strangers(shared.exchange, self._events.report)
             bridged = BridgeContext(context.platform, context.loop, context.clock, context.topics)
             self._bridge = StationBridge(exchange, bridged, _members(member), boots.getrandbits(32), self._forged)
             parts.add("network events", self._events)

@@ -14,6 +14,7 @@ from gloc3.clock import utc_now
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.exchange.base import Exchange
+from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.places import child_processes, clock_host
 from gloc3.platform.platform import Platform
@@ -148,3 +149,19 @@ async def renew(exchange: Exchange, endpoint: str, member: "Membership") -> None
 
     assert isinstance(exchange, ZenohExchange)
     await exchange.renew(member.node(*filter(None, [endpoint])), member.settings())
+
+
+def report_strangers(exchange: Exchange, report: Callable[[Severity, str], None]) -> None:
+    """Has connections and messages that come too often reported as events, for the operators."""
+    from gloc3.exchange.zenoh import ZenohExchange
+
+    assert isinstance(exchange, ZenohExchange)
+    others = exchange.troubled
+
+    def handle(kind: str, text: str) -> None:
+        if kind in ("refused", "too_many"):
+            report(Severity.WARNING, text)
+        else:
+            others(kind, text)
+
+    exchange.troubled = handle

@@ -5,11 +5,27 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
-from tests.onboard.hostile_network import ADDRESS, attacks_on, fly_and_attack, made_yard, spaces, stall
+from tests.onboard.hostile_network import (
+    ADDRESS,
+    SPACES,
+    STRANGER,
+    attacks_on,
+    fly_and_attack,
+    made_yard,
+    spaces,
+    stall,
+)
 from tests.onboard.hosts.namespaces import missing
 
 pytestmark = [pytest.mark.sockets, pytest.mark.thorough, pytest.mark.timeout(180)]
-CHOSEN = ("without encryption", "an observer puts commands in others' names", "an observer's questions have 200 MB")
+CHOSEN = (
+    "without encryption",
+    "an observer puts commands in others' names",
+    "an observer's questions have 200 MB",
+    "1,500 idle connections",
+    "… and a member that connects afterwards",
+)
+JOINED_S = 5.0
 STILL_S = 0.5
 """The page shows 0.1 s, on a computer that does nothing else."""
 
@@ -21,9 +37,14 @@ def test_nobody_but_the_operator_is_obeyed_and_nothing_stands_still(tmp_path: Pa
         yard = made_yard(tmp_path)
         attacks = {one.name: one for one in asyncio.run(attacks_on(yard, tmp_path, 2.0))}
         chosen = [attacks[name] for name in CHOSEN]
-        chosen[-1] = replace(chosen[-1], size=20_000_000)
+        chosen[2] = replace(chosen[2], size=20_000_000)
+        chosen[3] = replace(chosen[3], number=300, seconds=2.0)
         found = fly_and_attack(tmp_path, yard, chosen)
-    assert [phase.outcome.sent > 0 for phase in found.phases] == [True] * len(CHOSEN)
+    *attackers, newcomer = found.phases
+    assert all(phase.outcome.sent > 0 for phase in attackers)
+    assert newcomer.outcome.read > 0
+    assert float(newcomer.outcome.note.split()[0]) < JOINED_S
+    assert any(text.startswith(f"refused {SPACES[STRANGER]}: ") for text in found.refused)
     assert found.phases[0].outcome.read == 0
     assert found.phases[1].outcome.read > 0, "an observer may look"
     assert max(phase.stalled_s for phase in found.phases) < STILL_S

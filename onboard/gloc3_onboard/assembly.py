@@ -287,10 +287,13 @@ class VehicleSide:
         cameras = cameras_of(inputs.platform, sensors.rig.model, sensors.urls)
         for address in self.companion.add_cameras(cameras, context.platform, context.exchange):
             self._router.add_own(address)
+        if any(row.arguments == "point_camera" for row in inputs.platform.capabilities.values()):
+            self.companion.add_gimbal(context.platform, context.exchange, self._boot())
         devices = {
             **sensors.devices,
             "rig": sensors.rig,
             "autopilot": self.autopilot_device,
+            "gimbal": self.autopilot.gimbal,
             "computer": computer,
             "memory": RecordMemory(storage.memory, storage.computer_start),
             "pictures": storage.pictures,

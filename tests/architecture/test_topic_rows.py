@@ -23,6 +23,8 @@ FROM_ELSEWHERE: Final = {
     "*/health": "the routers of a network, below `regions/`",
     "*/revocations": "the members of a network, below `members/`",
     "ci/teleoperation": "the controller of a platform that is steered by hand",
+    "gimbal": "the driver of a platform with a gimbal",
+    "gimbal_demand": "the gimbal manager of the onboard computer",
     "acoustic": "the station's end of an acoustic modem",
     "sim/*": "the flight harness",
     "hosts/**": "the main process of each host",

@@ -24,7 +24,13 @@ class Scene(NamedTuple):
 
 
 @contextmanager
-def vehicle(folder: Path, *arguments: str, style: str = "px4", simulator: tuple[str, ...] = ()) -> Iterator[Scene]:
+def vehicle(
+    folder: Path,
+    *arguments: str,
+    style: str = "px4",
+    simulator: tuple[str, ...] = (),
+    platform: str = "pelican_rtk",
+) -> Iterator[Scene]:
     """A simulated vehicle with an onboard computer, on open ground.
 
     Args:
@@ -32,6 +38,7 @@ def vehicle(folder: Path, *arguments: str, style: str = "px4", simulator: tuple[
         arguments: more for the onboard process.
         style: of the autopilot.
         simulator: more arguments for the simulator.
+        platform: of the onboard process.
     """
     companion, station = free_ports(2, socket.SOCK_DGRAM)
     home = f"{LATITUDE_DEG},{LONGITUDE_DEG},{ALTITUDE_M},0"
@@ -42,9 +49,7 @@ def vehicle(folder: Path, *arguments: str, style: str = "px4", simulator: tuple[
             program("sitl", *simulate, "--link", f"companion=udpout://127.0.0.1:{companion}", folder=folder)
         )
         sitl.await_line(lambda line: "companion link" in line)
-        onboard = stack.enter_context(
-            program("onboard", "pelican_rtk", *links, "--out", "out", *arguments, folder=folder)
-        )
+        onboard = stack.enter_context(program("onboard", platform, *links, "--out", "out", *arguments, folder=folder))
         onboard.await_line(lambda line: "components; log in" in line)
         yield Scene(station, onboard, folder / "out")
         for each in (onboard, sitl):

@@ -6,6 +6,7 @@ the envelope.
 """
 
 from enum import StrEnum
+from math import pi
 from typing import Final
 
 import msgspec
@@ -378,3 +379,66 @@ class TakeOver(Message, frozen=True):
     """An operator's permission to continue after a pilot had control."""
 
     is_resumed: bool
+
+
+class GimbalState(Message, frozen=True):
+    """State of the gimbal and its owner.
+
+    Pitch is measured from the horizon, up positive; yaw from the vehicle's nose or from north, clockwise positive. The axes
+    of the gimbal are forward, right, down, as a body's; its camera looks ahead along the first.
+    """
+
+    reason: str = ""
+    """Why it cannot be pointed, such as that none is heard; empty if it can."""
+    device: int = 0
+    """MAVLink component of the gimbal; 0 while none is known."""
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    """From the nose."""
+    ned_from_gimbal: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    is_attitude_valid: bool = False
+    """Whether the three above are known."""
+    owner: str = ""
+    """What points it: the id of an action, or `station SYSTEM/COMPONENT`; empty for nobody."""
+    owner_system: int = 0
+    """MAVLink address of the owner: that of the onboard computer while an action points it; 0 for nobody."""
+    owner_component: int = 0
+    pitch_limits_rad: tuple[float, float] = (-pi, pi)
+    yaw_limits_rad: tuple[float, float] = (-pi, pi)
+    """From the nose."""
+    capability_flags: int = 0
+    """GIMBAL_DEVICE_CAP_FLAGS."""
+    device_flags: int = 0
+    """GIMBAL_DEVICE_FLAGS."""
+    manager: int = 0
+    """MAVLink component of another gimbal manager that the gimbal belongs to; 0 if it belongs to the onboard computer."""
+    ignored: int = 0
+    """Demands of those who do not own it, so far."""
+
+
+class GimbalVerb(StrEnum):
+    """Kinds of demands."""
+
+    TAKE = "take"
+    """Own the gimbal; refused while an action points it."""
+    RELEASE = "release"
+    DIRECTION = "direction"
+    RATE = "rate"
+    POINT = "point"
+    NEUTRAL = "neutral"
+
+
+class GimbalDemand(Message, frozen=True):
+    """A station's demand by hand; after `take`, only those of the owner count."""
+
+    verb: GimbalVerb
+    system: int
+    """MAVLink address of the sender."""
+    component: int
+    pitch_rad: float = 0.0
+    """With `direction`; with `rate` in rad/s."""
+    yaw_rad: float = 0.0
+    is_from_north: bool = False
+    """Whether the yaw is measured from north, and kept when the vehicle turns."""
+    point_ned_m: Vector3 | None = None
+    """With `point`: looked at until the next demand."""

@@ -33,6 +33,7 @@ from gloc3_onboard.autopilot.streams import StreamRequests, origin_request, prea
 from gloc3_onboard.autopilot.style import AutopilotStyle, MessageStream
 from gloc3_onboard.autopilot.telemetry import ClockOffset, Telemetry
 from gloc3_onboard.checks.tables import table_of
+from gloc3_onboard.payload.gimbal_link import GimbalLink
 from gloc3_onboard.sensors.devices import Bell
 
 COMPANION: Final = 191
@@ -105,6 +106,7 @@ class AutopilotLink:
         self._client, self._plans, self._texts = MavCommandClient(own), MissionClient(own), StatusTextReceiver(own)
         self.commands: Final = CommandDesk(self._client, self.telemetry.texts_since)
         self.inspection: Final = Inspection(own, self._client, self._plans)
+        self.gimbal: Final = GimbalLink(own, self._client, self.post, self.settle)
         self._more_names = more_names
         self.fence: Final = FenceUpload(self._plans)
         self.plan: Final = PlanUpload(self._plans)
@@ -113,7 +115,7 @@ class AutopilotLink:
         self._prearm, self._origin = prearm_checks(self._client), origin_request(self._client)
         services: list[Microservice[Any]] = [
             *(self._client, self._identification.peers, self._plans, self._texts),
-            *(self.inspection, self.clock_offset.service, self._leave, self.events.ftp),
+            *(self.inspection, self.clock_offset.service, self._leave, self.events.ftp, self.gimbal),
         ]
         self._node = MavlinkComponent(own, services)
         self._requests_at_once = 0
@@ -304,7 +306,7 @@ class AutopilotLink:
     def _request_all(self, now_s: float) -> None:
         """Requests everything that we need of the autopilot."""
         target, style = self.target, self.style
-        self._leave.autopilot = target
+        self._leave.autopilot = self.gimbal.autopilot = target
         self.clock_offset.service.request(target)
         self._prearm.restart()
         self._origin.restart()

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final, NamedTuple, Protocol
 
 from gloc3 import __version__
@@ -27,6 +27,7 @@ from gloc3.platform.platform import Platform
 from gloc3_onboard.companion.autopilot_reporter import computer_status
 from gloc3_onboard.companion.cameras import CameraContext, CameraEntry, Cameras
 from gloc3_onboard.companion.commands import Commands
+from gloc3_onboard.companion.gimbal import STATUS_HZ, GimbalManager
 from gloc3_onboard.companion.metadata import Metadata
 from gloc3_onboard.companion.operator_control import OperatorControl
 from gloc3_onboard.companion.parameter_table import OwnParameter
@@ -89,6 +90,9 @@ class Companion:
     """
 
     _cameras: Cameras | None = None
+    _gimbal: GimbalManager | None = None
+    _has_gimbal = False
+    """Whether stations have been offered a gimbal."""
 
     def __init__(
         self,
@@ -130,7 +134,7 @@ class Companion:
         self._wanted = {codec.shape(name).id for service in services for name in service.handles}
         self._plan_ids = {codec.shape(name).id for name in sorted(self.plans.server.handles)}
         self._heartbeat_id = codec.shape("HEARTBEAT").id
-        self._producers: Mapping[int, Callable[[], MavlinkMessage]] = {
+        self._producers: dict[int, Callable[[], MavlinkMessage | None]] = {
             codec.shape("CONTROL_STATUS").id: self.control.status,
             codec.shape("MISSION_CURRENT").id: self.plans.server.current_message,
             codec.shape("COMPONENT_METADATA").id: lambda: self.metadata.message(self._boot_ms()),
@@ -174,9 +178,37 @@ class Companion:
         self._wake()
         return [camera.own for camera in self._cameras.components]
 
+    def add_gimbal(self, platform: str, exchange: Exchange, boot: int) -> None:
+        """Offers the gimbal manager; stations find it once there is a gimbal."""
+        gimbal = self._gimbal = GimbalManager(
+            self.own, platform, exchange, boot, self._requesting, self._gimbal_changed, self.reasons.report
+        )
+        self._node.add(gimbal)
+        self._wanted |= {codec.shape(name).id for name in gimbal.handles}
+        self.commands.add(gimbal.commands)
+        self._producers |= {
+            codec.shape("GIMBAL_MANAGER_INFORMATION").id: lambda: gimbal.information(self._boot_ms()),
+            codec.shape("GIMBAL_MANAGER_STATUS").id: lambda: gimbal.status(self._boot_ms()),
+        }
+
+    def _gimbal_changed(self) -> None:
+        """Offers the manager's messages from the first gimbal on, and sends its status when it has changed."""
+        gimbal = self._gimbal
+        if gimbal is None or gimbal.problem:
+            return
+        now_s = self._loop.time()
+        if not self._has_gimbal:
+            self._has_gimbal = True
+            self._streams.offer("GIMBAL_MANAGER_INFORMATION", 0.0, now_s)
+            self._send(gimbal.information(self._boot_ms()))
+        self._streams.offer("GIMBAL_MANAGER_STATUS", STATUS_HZ, now_s)
+        self._wake()
+
     def close(self) -> None:
         """Stops sending."""
         self._is_closed = True
+        if self._gimbal is not None:
+            self._gimbal.close()
         if self._cameras is not None:
             self._cameras.close()
         self._requesting.close()
@@ -290,8 +322,10 @@ class Companion:
             self._timer.cancel()
         self._timer = None if next_s is None else self._loop.call_at(max(next_s, now_s), self._settle)
 
-    def _send(self, message: MavlinkMessage, component: int | None = None) -> None:
+    def _send(self, message: MavlinkMessage | None, component: int | None = None) -> None:
         """Sends to the target's link, if known; broadcasts, and messages for dropped peers, to all stations."""
+        if message is None:
+            return
         target_system = getattr(message, "target_system", 0)
         found = self._peers.get(Address(target_system, message.target_component)) if target_system else None
         for link in self._links if found is None else (found,):

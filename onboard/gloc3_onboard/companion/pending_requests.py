@@ -93,6 +93,29 @@ class PendingRequests:
         """Whether a system has a right, for what no request to the command interface is needed."""
         return self._rights.may(self.members.get(str(system), ""), right)
 
+    def obtain(self, sender: Address, then: Callable[[str], None]) -> None:
+        """Has a system hold control: it is requested while it is free, as other programs cannot.
+
+        Args:
+            sender: the system's address.
+            then: called with the reason for a refusal, or with nothing once it holds control.
+
+        Raises:
+            Refused: another system holds control, or too many requests are pending.
+        """
+        self.require(sender.system)
+
+        def granted(reply: CiReply) -> None:
+            is_granted = reply.outcome is Outcome.ACCEPTED
+            if is_granted:
+                self.acted(sender)
+            then("" if is_granted else reply.reason)
+
+        if self.control.holder:
+            then("")
+        else:
+            self.request(str(sender.system), Control(verb=ControlVerb.REQUEST), granted)
+
     def act(self, sender: Address, body: AnyBody, then: Then) -> None:
         """Sends a request that needs control. While control is free, it is requested first, as other programs cannot.
 

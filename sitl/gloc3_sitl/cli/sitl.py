@@ -5,6 +5,7 @@ import signal
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple
 
@@ -22,6 +23,7 @@ from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.flight.truth_log import TruthLog
 from gloc3_sitl.physics.water import rough
 from gloc3_sitl.physics.wind import CALM, Wind, gusty
+from gloc3_sitl.sensors.gimbal import SimulatedGimbal
 from gloc3_sitl.vehicles import MULTIROTORS
 from gloc3_sitl.vehicles.dvl_server import MOST_PORT, DvlAddress, DvlServer, exposure, read_dvl
 from gloc3_sitl.vehicles.line_server import field_server
@@ -172,6 +174,8 @@ class SitlOptions:
     fields: int | None = None
     """TCP port on 127.0.0.1 that serves the world's fields, such as gases (0: any free one); the source of a device
     co2_probe in `gloc3 onboard --device` is lines://127.0.0.1:PORT#co2."""
+    gimbal: Annotated[bool, Parameter(negative=())] = False
+    """With a gimbal (MAVLink component 154) and a camera on it, which --sensors serves as `gimbal`."""
     out: Path | None = None
     """Folder for truth.mcap, the log of the vehicle's true motion."""
     firmware: str | None = None
@@ -255,6 +259,8 @@ def _run_firmware(firmware: str, options: SitlOptions, world: World, air: Wind, 
     """Runs a real autopilot on the simulated physics, until Ctrl-C."""
     if options.battery != 1.0:
         raise Refused("--battery: a real firmware simulates its own battery; see docs/firmware.md")
+    if options.gimbal:
+        raise Refused("--gimbal needs the embedded autopilot; connect a gimbal to a port of the real firmware instead")
     from gloc3_sitl.firmware.run import FirmwareOptions, run_firmware
 
     body = BodySettings(
@@ -292,7 +298,8 @@ async def _run(
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped.set)
     endpoints: list[Endpoint] = []
-    server = SensorServer(simulator, loop, options.seed) if options.sensors is not None else None
+    gimbal = SimulatedGimbal(simulator, partial(simulator.attach, kind=LinkKind.BARE), loop) if options.gimbal else None
+    server = SensorServer(simulator, loop, options.seed, gimbal) if options.sensors is not None else None
     dvl = DvlServer(simulator, loop, options.seed, dvl_at) if dvl_at is not None else None
     fields = field_server(simulator, loop, options.seed, options.fields) if options.fields is not None else None
     truth = TruthLog(simulator, loop, options.out, options.vehicle) if options.out is not None else None
@@ -317,9 +324,13 @@ async def _run(
             _narrate(f"fields {(await fields.open()).url}: {', '.join(simulator.world.file.fields)}")
         simulator.autopilot.utc_offset_s = Clock(loop).utc_offset_s + loop.time()
         simulator.start(loop, options.speed)
+        if gimbal is not None:
+            gimbal.start()
         await _watch(simulator, endpoints, stopped, options.seconds)
     finally:
         simulator.stop()
+        if gimbal is not None:
+            gimbal.stop()
         if server is not None:
             await server.close()
         if dvl is not None:

@@ -46,6 +46,7 @@ from gloc3_sitl.flight.sim_rig import PROBE, SIM_DEVICES, SimRig
 from gloc3_sitl.flight.truth import FlightTruth
 from gloc3_sitl.physics.water import rough
 from gloc3_sitl.physics.wind import CALM
+from gloc3_sitl.sensors.gimbal import SimulatedGimbal
 from gloc3_sitl.vehicles.simulator import LinkKind, Simulator, SimulatorSettings
 from gloc3_sitl.vehicles.table import style_of, vehicle_named, vehicle_of
 from gloc3_sitl.world import World
@@ -94,7 +95,9 @@ class Flight:
         )
         world = self._world()
         self.simulator: Final = self._simulator(world)
-        self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed)
+        self.gimbal: Final = self._gimbal()
+        """The gimbal of a platform that can point one; None for others."""
+        self.rig: Final = SimRig(world, self.loop, self.simulator.truth, plan.seed, self.gimbal)
         """The cameras and the laser scanner; they cost nothing until they are opened."""
         self.log: Final = self._open_log()
         self._requests: set[asyncio.Task[Any]] = set()
@@ -163,6 +166,13 @@ class Flight:
         )
         return Simulator(world, settings)
 
+    def _gimbal(self) -> SimulatedGimbal | None:
+        is_fitted = any(row.arguments == "point_camera" for row in self.platform.capabilities.values())
+        simulator = self.simulator
+        if not is_fitted or isinstance(simulator, FirmwareInStep):
+            return None
+        return SimulatedGimbal(simulator, lambda receive: simulator.attach(receive, LinkKind.BARE), self.loop)
+
     def _truth(self, world: World, boot: int) -> FlightTruth:
         is_diving = vehicle_named(vehicle_of(self.platform)).is_diving
         surface_m = world.home.altitude_m if is_diving else None
@@ -173,6 +183,8 @@ class Flight:
     async def __aenter__(self) -> Self:
         """Starts everything."""
         self.simulator.start(self.loop)
+        if self.gimbal is not None:
+            self.gimbal.start()
         self.process.start()
         if self.plan.has_station:
             self.start_station(self._ground_boot)
@@ -189,6 +201,8 @@ class Flight:
         if self.plan.has_station:
             await self.ground.close()
         self.process.kill()
+        if self.gimbal is not None:
+            self.gimbal.stop()
         self.simulator.stop()
         self.log.close()
 

@@ -17,11 +17,12 @@ from gloc3_sitl.flight.sim_devices import (
 )
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.sensors import dvl, estimator
+from gloc3_sitl.sensors.gimbal import SimulatedGimbal
 from gloc3_sitl.world import World, field_probe, rig
 from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.tracker import TrackerCamera
 
-SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "laser", "dvl", "estimator")
+SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "gimbal_camera", "laser", "dvl", "estimator")
 """Names of the devices that every vehicle has, as platforms call them."""
 PROBE: Final = "_probe"
 """End of the names of probes: `co2_probe` measures the field `co2` of the world."""
@@ -37,28 +38,42 @@ class SimRig:
         loop: event loop whose clock the devices use.
         truth: returns the vehicle's current state.
         seed: seed of all noise.
+        gimbal: the vehicle's gimbal; None without one.
     """
 
-    def __init__(self, world: World, loop: AbstractEventLoop, truth: Callable[[], Truth], seed: int) -> None:
+    def __init__(
+        self,
+        world: World,
+        loop: AbstractEventLoop,
+        truth: Callable[[], Truth],
+        seed: int,
+        gimbal: SimulatedGimbal | None = None,
+    ) -> None:
         def trigger(rate_hz: float) -> CaptureTrigger:
             return CaptureTrigger(loop, truth, rate_hz)
 
         ground, left, right = (
             SimulatedCamera(world, *rig.CAMERAS[name], seed) for name in ("ground", "front_left", "front_right")
         )
-        self._coloured: Final = (ground, left, right)
+        on_gimbal = SimulatedCamera(world, rig.GIMBAL, rig.GIMBAL_IMAGER, seed)
+        self._coloured: Final = (ground, left, right, on_gimbal)
         self.tracker: Final = _tracker(world, seed)
         """The external camera; None in a world without."""
         self._models = {name: model for name, (model, _) in rig.CAMERAS.items()} | {"tracker": rig.TRACKER}
+        self._models |= {} if gimbal is None else {rig.GIMBAL_IMAGER.name: rig.GIMBAL}
         self.devices: Final[dict[str, SimDevice]] = {
             "ground_camera": SimCamera(ground, trigger(rig.GROUND_IMAGER.rate_hz)),
             "stereo_camera": SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz)),
             "tracker_camera": NoDevice(),
+            "gimbal_camera": NoDevice(),
             "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
             "dvl": SimDvl(trigger(dvl.RATE_HZ), seed),
             "estimator": SimEstimator(trigger(estimator.RATE_HZ), seed),
         }
         """By name, all of `SIM_DEVICES`, and a probe for each field of the world."""
+        if gimbal is not None:
+            seen = CaptureTrigger(loop, lambda: gimbal.carrying(truth()), rig.GIMBAL_IMAGER.rate_hz)
+            self.devices["gimbal_camera"] = SimCamera(on_gimbal, seen)
         for field in world.file.fields:
             self.devices[field + PROBE] = SimProbe(world, field, trigger(field_probe.RATE_HZ), seed)
         if self.tracker is not None:

@@ -12,6 +12,7 @@ __all__ = [
     "dvl",
     "estimator",
     "fix",
+    "gimbal",
     "imu",
     "magnetic_field",
     "noise",

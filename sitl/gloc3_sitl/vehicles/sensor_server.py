@@ -16,6 +16,7 @@ from gloc3.camera.frame_stream import (
 )
 from gloc3.errors import Refused
 from gloc3_sitl.physics.truth import Truth
+from gloc3_sitl.sensors.gimbal import SimulatedGimbal
 from gloc3_sitl.vehicles.scene import Scene
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import SimulatedCamera
@@ -40,9 +41,11 @@ class SensorServer:
     Sensors without a client cost nothing. Sensors with equal rates sample the same instant.
     """
 
-    def __init__(self, scene: Scene, loop: asyncio.AbstractEventLoop, seed: int) -> None:
+    def __init__(
+        self, scene: Scene, loop: asyncio.AbstractEventLoop, seed: int, gimbal: SimulatedGimbal | None = None
+    ) -> None:
         self._scene, self._loop = scene, loop
-        self.feeds: Final[Mapping[str, Feed]] = _feeds(scene.world, seed)
+        self.feeds: Final[Mapping[str, Feed]] = _feeds(scene.world, seed, gimbal)
         """By name."""
         self._slots = dict.fromkeys(self.feeds, -1)
         self._clients: dict[asyncio.StreamWriter, frozenset[str]] = {}
@@ -111,7 +114,7 @@ class SensorServer:
         return is_new
 
 
-def _feeds(world: World, seed: int) -> dict[str, Feed]:
+def _feeds(world: World, seed: int, gimbal: SimulatedGimbal | None) -> dict[str, Feed]:
     cameras: dict[str, SimulatedCamera | TrackerCamera] = {
         name: SimulatedCamera(world, model, imager, seed) for name, (model, imager) in rig.CAMERAS.items()
     }
@@ -121,6 +124,11 @@ def _feeds(world: World, seed: int) -> dict[str, Feed]:
     feeds = {name: Feed(camera.imager.rate_hz, _picture_of(camera)) for name, camera in cameras.items()}
     for name, camera in cameras.items():
         feeds[name + COLOUR] = Feed(camera.imager.rate_hz, _picture_of(camera, is_coloured=True))
+    if gimbal is not None:
+        on_gimbal, name = SimulatedCamera(world, rig.GIMBAL, rig.GIMBAL_IMAGER, seed), rig.GIMBAL_IMAGER.name
+        for ending in ("", COLOUR):
+            take = _picture_of(on_gimbal, is_coloured=bool(ending))
+            feeds[name + ending] = Feed(rig.GIMBAL_IMAGER.rate_hz, _carried(take, gimbal))
     feeds[rig.LASER.name] = Feed(rig.LASER.rate_hz, _scan_of(LaserScanner(world, rig.LASER, seed)))
     return feeds
 
@@ -139,6 +147,11 @@ def _picture_of(camera: SimulatedCamera | TrackerCamera, *, is_coloured: bool = 
         )
 
     return handle
+
+
+def _carried(take: Callable[[Truth], bytes], gimbal: SimulatedGimbal) -> Callable[[Truth], bytes]:
+    """Looks from the gimbal."""
+    return lambda truth: take(gimbal.carrying(truth))
 
 
 def _scan_of(scanner: LaserScanner) -> Callable[[Truth], bytes]:

@@ -48,6 +48,10 @@ FRONT_RIGHT: Final = CameraModel(
 FRONT_LEFT_IMAGER: Final = Imager(name="front_left")
 FRONT_RIGHT_IMAGER: Final = Imager(name="front_right")
 
+GIMBAL: Final = CameraModel(width=640, height=480, focal_px=(500.0, 500.0), center_px=(319.5, 239.5))
+"""Camera on the gimbal of vehicles that have one: 65 by 51 degrees, no distortion; it looks ahead along the gimbal."""
+GIMBAL_IMAGER: Final = Imager(name="gimbal")
+
 CAMERAS: Final = {
     imager.name: (model, imager)
     for model, imager in (

@@ -49,6 +49,12 @@ class StreamScheduler(Microservice[Never]):
         for number, rate_hz in self._usual_hz.items():
             self._set_period(number, 1.0 / rate_hz if rate_hz > 0.0 else None, 0.0)
 
+    def offer(self, name: str, rate_hz: float, now_s: float) -> None:
+        """Adds a message that can be sent from now on, with its usual rate."""
+        number = codec.shape(name).id
+        self._usual_hz[number] = rate_hz
+        self._set_period(number, 1.0 / rate_hz if rate_hz > 0.0 else None, now_s)
+
     def due(self, now_s: float) -> list[int]:
         """Ids of the messages to send now, single requests first."""
         found, self._once = self._once, []

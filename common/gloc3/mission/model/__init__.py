@@ -14,6 +14,7 @@ __all__ = [
     "patterns",
     "payload",
     "placement",
+    "pointing",
     "policy",
     "states",
     "structure",

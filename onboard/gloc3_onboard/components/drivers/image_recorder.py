@@ -16,7 +16,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Quaternion, Vector3, interpolate, slerp
-from gloc3.messages.vehicle import Image, ImageRecorded, Pose
+from gloc3.messages.vehicle import GimbalState, Image, ImageRecorded, Pose
 from gloc3.mission.model.arguments import RecordImages
 from gloc3.mission.model.states import ActionState
 
@@ -70,6 +70,8 @@ class RecorderSettings(Settings, frozen=True):
     """`jpeg`, which photogrammetry programs read with its tags, or `png`, which loses nothing and is five times larger."""
     quality: Annotated[int, Bounds(50, 100)] = 95
     """Quality of JPEG."""
+    on_gimbal: tuple[str, ...] = ()
+    """Cameras on the gimbal, whose pictures get its attitude in place of the vehicle's."""
 
 
 MOST_WAITING: Final = 16
@@ -95,6 +97,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[RecorderSettings]):
 
     image = Input(Image, Keep.ALL)
     pose = Input(Pose, Keep.ALL)
+    gimbal = Input(GimbalState, Keep.ALL, is_optional=True)
     image_recorded = Output(ImageRecorded)
 
     def __init__(self, device: PictureStore) -> None:
@@ -113,10 +116,12 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[RecorderSettings]):
         """Of the last picture of each camera that is known."""
         self._came_s = 0.0
         self._poses: deque[Envelope[Pose]] = deque(maxlen=32)
+        self._gimbal: deque[Envelope[GimbalState]] = deque(maxlen=32)
 
     def start(self) -> None:
         """Begins without poses of before."""
         self._poses.clear()
+        self._gimbal.clear()
         self.waiting = 0
         self._unwatch()
         self._unwatch = self._store.on_written(self.request_cycle)
@@ -140,6 +145,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[RecorderSettings]):
         """Takes a picture if one is due."""
         results: list[Result] = self._reports(now_s)
         self._poses.extend(envelope for envelope in inbox.new(self.pose) if envelope.payload.is_valid)
+        self._gimbal.extend(envelope for envelope in inbox.new(self.gimbal) if envelope.payload.is_attitude_valid)
         for envelope in inbox.new(self.image):
             if not envelope.payload.is_valid:
                 continue
@@ -195,6 +201,12 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[RecorderSettings]):
         if pose is None:
             self.advance(now_s, progress, reason="there is no valid pose at the time of the picture")
             return []
+        attitude: Quaternion | None = pose.ned_from_frd
+        if order.camera in self.settings.on_gimbal:
+            attitude = self._gimbal_at(envelope.t_s)
+        if attitude is None:
+            self.advance(now_s, progress, reason="the gimbal's attitude at the time of the picture is not known")
+            return []
         if not self._is_due(order, envelope.t_s, pose.position_ned_m):
             self.advance(now_s, progress)
             return []
@@ -212,7 +224,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[RecorderSettings]):
             t_s=envelope.t_s,
             image=envelope.payload,
             position_ned_m=pose.position_ned_m,
-            ned_from_frd=pose.ned_from_frd,
+            ned_from_frd=attitude,
             origin_geo=pose.origin_geo,
             position_std_m=pose.position_std_m,
             quality=self.settings.quality,
@@ -241,6 +253,16 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[RecorderSettings]):
             position_ned_m=interpolate(a.position_ned_m, b.position_ned_m, share),
             ned_from_frd=slerp(a.ned_from_frd, b.ned_from_frd, share),
         )
+
+    def _gimbal_at(self, t_s: float) -> Quaternion | None:
+        """Attitude of the gimbal at a time: between two reports, or that of a report shortly before or after."""
+        before = next((state for state in reversed(self._gimbal) if state.t_s <= t_s), None)
+        after = next((state for state in self._gimbal if state.t_s >= t_s), None)
+        if before is not None and after is not None and 0.0 < after.t_s - before.t_s <= POSE_GAP_S:
+            share = (t_s - before.t_s) / (after.t_s - before.t_s)
+            return slerp(before.payload.ned_from_gimbal, after.payload.ned_from_gimbal, share)
+        near = [state for state in (before, after) if state is not None and abs(state.t_s - t_s) <= POSE_GAP_S]
+        return min(near, key=lambda state: abs(state.t_s - t_s)).payload.ned_from_gimbal if near else None
 
     def _is_due(self, order: RecordImages, t_s: float, position: Vector3) -> bool:
         if self._last_ned_m is None:

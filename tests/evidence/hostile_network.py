@@ -83,7 +83,7 @@ def _figure(phase: Phase) -> Figure:
     if phase.name.startswith("…"):
         is_met = outcome.read > 0 and outcome.note.endswith(" s") and float(outcome.note.split()[0]) <= JOINED_S
         return Figure(phase.name, f"hears the vehicle after {outcome.note}", f"≤ {JOINED_S:.0f} s", is_met and still)
-    parts = [f"stands still for {phase.stalled_s:.3f} s", f"sent: {outcome.sent:,}"]
+    parts = [f"stands still for {phase.stalled_s:.3f} s (a bare loop: {phase.bare_s:.3f} s)", f"sent: {outcome.sent:,}"]
     wanted = f"≤ {STILL_S} s"
     is_met = still
     if phase.name in STRANGERS:
@@ -105,7 +105,7 @@ BARS: Final = (
         "A vehicle is in flight in a network namespace of its own; an operator flies it from a second one. Strangers attack "
         "from a third, members that have turned against it from the second, one after the other: each with real links, "
         "keys and bytes. Nobody but the operator is obeyed, and the vehicle's loop publishes its setpoints (every 0.05 s) "
-        "at most 0.1 s late. [docs/network.md](../network.md#new-connections) describes how connections are accepted.",
+        "at most 0.1 s late. How late a loop that does nothing was on the computer in the same time is beside it. [docs/network.md](../network.md#new-connections) describes how connections are accepted.",
         hostile,
     ),
 )

@@ -9,13 +9,13 @@ from typing import Final
 import msgspec
 import numpy as np
 from scipy.optimize import nnls
-from tests.common.network.scale import FLAT, LAYOUTS, WATCHED, Measured, Scene, measure
+from tests.common.network.scale import FLAT, FOUND_WITHIN_S, LAYOUTS, WATCHED, Measured, Scene, measure
 from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.cli.counting import counted
 from gloc3.messages.topics import MESSAGE_BYTES
 
-VEHICLES: Final = (1, 5, 20, 50)
+VEHICLES: Final = (1, 5, 20, 50, 200)
 STATIONS: Final = (1, 3, 10)
 MIDDLE_VEHICLES: Final = 20
 MIDDLE_STATIONS: Final = 3
@@ -60,24 +60,36 @@ def scale(progress: Progress) -> list[Figure]:
     figures = [_row(one) for one in found]
     for layout in LAYOUTS:
         figures += _model(layout, [one for one in found if one.scene.layout == layout])
-    late_s, longest_s = max(one.latency_p99_s for one in found), max(one.found_s for one in found)
+    latest, longest_s = max(found, key=lambda one: one.latency_p99_s), max(_found_s(one) for one in found)
+    late_s = latest.latency_p99_s
     return [
         *figures,
-        Figure("latency p99, the worst of all", f"{late_s * 1e3:.0f} ms", f"≤ {LATE_S * 1e3:.0f} ms", late_s <= LATE_S),
+        Figure(
+            "latency p99, the worst of all",
+            f"{late_s * 1e3:.0f} ms, while a bare loop was late by {latest.bare_p99_s * 1e3:.0f} ms",
+            f"≤ {LATE_S * 1e3:.0f} ms",
+            late_s <= LATE_S,
+        ),
         Figure(
             "time to find all vehicles, the longest", f"{longest_s:.1f} s", f"≤ {FOUND_S:.0f} s", longest_s <= FOUND_S
         ),
     ]
 
 
+def _found_s(one: Measured) -> float:
+    return float("inf") if one.found_s is None else one.found_s
+
+
 def _row(one: Measured) -> Figure:
     scene = one.scene
     router = f", router {one.router_cpu:.1%}" if one.router_cpu else ""
+    found = f"all found after {one.found_s:.1f} s" if one.found_s else f"not all found within {FOUND_WITHIN_S:.0f} s"
     return Figure(
         f"{scene.layout}: {counted(scene.vehicles, 'vehicle')}, {counted(scene.stations, 'station')}",
         f"a station receives {one.station_bytes_s / 1e3:.1f} kB/s, a vehicle sends {one.vehicle_bytes_s / 1e3:.1f} kB/s; of a "
-        f"core: station {one.station_cpu:.1%}, vehicle {one.vehicle_cpu:.2%}{router}; latency p99 "
-        f"{one.latency_p99_s * 1e3:.0f} ms; all found after {one.found_s:.1f} s",
+        f"core: station {one.station_cpu:.1%}, vehicle {one.vehicle_cpu:.2%}{router}; latency p50 "
+        f"{one.latency_p50_s * 1e3:.0f} ms, p99 {one.latency_p99_s * 1e3:.0f} ms (a bare loop is late by "
+        f"{one.bare_p99_s * 1e3:.0f} ms); {found}",
     )
 
 
@@ -125,10 +137,11 @@ BARS: Final = (
     Bar(
         "network-scale",
         "A station's cost grows with the vehicles that it watches, not with the fleet",
-        "Vehicles are sessions with their own certificates, several in a process, which send what an onboard process with 21 "
-        "components sends to stations, at its rates; routers are `gloc3 network router`, stations join as ours do. Bytes are "
-        "counted by the kernel for each TCP connection, processor time for each process, latency from publishing to the "
-        "station's loop, on one computer. In a tree vehicles and stations are at different branches, so that messages pass "
+        "Up to 50 vehicles are each a process with its own certificate; 200 are sessions, ten in a process. They send again "
+        "what a vehicle in flight has sent to its stations. Routers are `gloc3 network router`, stations join as ours do. "
+        "Bytes are counted by the kernel for each TCP connection, processor time for each process, latency from publishing "
+        "to the station's loop, on one computer. How late the 99th percentile of a loop that does nothing was meanwhile is "
+        "beside it: that is the computer's part. In a tree vehicles and stations are at different branches, so that messages pass "
         "three routers. In the last layout each station watches one vehicle, and gets summaries of regions of the others. The "
         "model is linear; its predictions are no measurements.",
         scale,

@@ -21,6 +21,7 @@ from typing import Any, Final
 import msgspec
 import zenoh
 from msgspec.structs import replace
+from tests.bare_loop import bare_loop
 from tests.commands.listening import listening
 from tests.commands.programs import Program, program
 from tests.common.network.yard import NOW, Yard
@@ -101,6 +102,8 @@ class Phase(msgspec.Struct, frozen=True, kw_only=True):
     outcome: Outcome
     stalled_s: float
     """Longest time for which its loop published nothing, less the period."""
+    bare_s: float
+    """The longest time for which a loop that does nothing was late on this computer in the same time."""
     load: float
     """Of the computer, at the end."""
     grown_mb: float
@@ -356,7 +359,8 @@ def _push_revocation(yard: Yard, folder: Path, onboard: Program) -> None:
 
 def fly_and_attack(folder: Path, yard: Yard, attacks: Sequence[Attack]) -> Result:
     """Flies a mission, runs the attacks one after the other, and judges them."""
-    spans, outcomes, grown, loads = list[tuple[float, float]](), list[Outcome](), list[float](), list[float]()
+    spans, outcomes, grown = list[tuple[float, float]](), list[Outcome](), list[float]()
+    bares, loads = list[float](), list[float]()
     (cable,) = free_ports(1, socket.SOCK_DGRAM)
     with ExitStack() as stack:
         there = inside(VEHICLE)
@@ -371,13 +375,16 @@ def fly_and_attack(folder: Path, yard: Yard, attacks: Sequence[Attack]) -> Resul
         alice = stack.enter_context(program("station", "--headless", *flown, folder=folder, before=inside(GROUND)))
         alice.await_line(lambda line: "stay.wait" in line and "running" in line)
         sockets = [str(one) for one in listening(onboard.process.pid) if one.is_open]
+        bare = stack.enter_context(bare_loop())
         for attack in attacks:
             if "revoked" in attack.name:
                 _push_revocation(yard, folder, onboard)
+            bare.report()
             before_mb, begin_s = _rss_mb(onboard.process.pid), monotonic_s()
             outcomes.append(_attack(attack, folder))
             spans.append((begin_s, monotonic_s()))
             grown.append(_rss_mb(onboard.process.pid) - before_mb)
+            bares.append(bare.report().most_s)
             loads.append(os.getloadavg()[0])
         state = "running" if "mission" in alice.text and "failed" not in alice.text else alice.lines[-1]
         lost = alice.text.count("link lost") + alice.text.count(" is heard again")
@@ -401,10 +408,11 @@ def fly_and_attack(folder: Path, yard: Yard, attacks: Sequence[Attack]) -> Resul
             name=attack.name,
             outcome=outcome,
             stalled_s=stall(times, *span),
+            bare_s=bare_s,
             load=load,
             grown_mb=mb,
         )
-        for attack, outcome, span, load, mb in zip(attacks, outcomes, spans, loads, grown, strict=True)
+        for attack, outcome, span, bare_s, load, mb in zip(attacks, outcomes, spans, bares, loads, grown, strict=True)
     ]
     return Result(
         phases=phases,

@@ -14,6 +14,7 @@ import socket
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from threading import Thread
 from typing import Final
 
@@ -75,9 +76,8 @@ class FrontDoor:
         self._unfinished: dict[int, _Relay] = {}
         self._refused: dict[tuple[str, str], int] = {}
         self._report: Refused | None = None
-        self._reserved = _bound(LOOPBACK, 0)
-        self._inner = (LOOPBACK, int(self._reserved.getsockname()[1]))
         self._listeners: list[socket.socket] = []
+        self._reserved: socket.socket | None = None
         for endpoint in endpoints:
             host, _, port = endpoint.removeprefix(TLS).rpartition(":")
             try:
@@ -86,6 +86,8 @@ class FrontDoor:
             except OSError as error:
                 self.close()
                 raise Gloc3Error(f"the network cannot be opened at {endpoint}: {error.strerror}") from error
+        self._reserved = _bound(LOOPBACK, 0)
+        self._inner = (LOOPBACK, int(self._reserved.getsockname()[1]))
 
     @property
     def endpoint(self) -> str:
@@ -100,6 +102,7 @@ class FrontDoor:
             refused: called about connections that were closed at once.
         """
         self._report = refused
+        assert self._reserved is not None
         self._reserved.close()
         for listener in self._listeners:
             self._loop.add_reader(listener, self._accept, listener)
@@ -122,7 +125,8 @@ class FrontDoor:
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._thread.join()
         for one in (self._reserved, *self._listeners):
-            one.close()
+            if one is not None:
+                one.close()
         self._loop.close()
 
     async def _end(self) -> None:
@@ -155,7 +159,7 @@ class FrontDoor:
             if self._admission.enter(caller, self._loop.time()):
                 task = self._loop.create_task(self._serve(outer, caller))
                 self._serving.add(task)
-                task.add_done_callback(self._serving.discard)
+                task.add_done_callback(partial(self._end_serving, outer))
             else:
                 outer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
                 outer.close()
@@ -174,8 +178,11 @@ class FrontDoor:
         except OSError:  # or a time-out, which is one: the connection has failed
             is_complete = False
         finally:
-            outer.close()
             self._admission.leave(caller, self._loop.time(), is_complete=is_complete)
+
+    def _end_serving(self, outer: socket.socket, task: asyncio.Task[None]) -> None:
+        self._serving.discard(task)
+        outer.close()  # unless a relay has taken it over; also where the task was cancelled before it began
 
     async def _hand_over(self, outer: socket.socket, hello: bytes) -> bool:
         """Connects a connection to Zenoh, and waits until the link is complete, or has ended (False)."""

@@ -1,7 +1,7 @@
 """How a network grows: vehicles that send real traffic, routers, and stations, as processes; bytes, processor, latency.
 
-A vehicle is a session of its own with its certificate, which publishes what an onboard process publishes for stations, at
-the same rates and sizes; several vehicles share a process. Routers and stations are what users run.
+A vehicle is a process, or where there are many a session in one, with a certificate of its own; it publishes again what a
+vehicle in flight has published for its stations. Routers and stations are what users run.
 """
 
 from __future__ import annotations
@@ -11,28 +11,22 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Final
+from statistics import median
+from typing import Any, Final, NamedTuple
 
 import msgspec
+from tests.bare_loop import bare_loop
 from tests.commands.programs import Program, program
-from tests.common.network.yard import LONG, NOW, free_port
+from tests.common.network.yard import LONG, NOW
 
 from gloc3.clock import monotonic_s
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.exchange.zenoh import open_exchange
+from gloc3.log.reader import LogReader
 from gloc3.messages.envelope import Message
-from gloc3.messages.motion import MotionSummary
-from gloc3.messages.summaries import (
-    ComponentLine,
-    ControlState,
-    Health,
-    MissionSummary,
-    Summary,
-    VehicleSummary,
-)
 from gloc3.messages.topics import TopicTable
 from gloc3.network import register
 from gloc3.network.access import MemberRole
@@ -42,10 +36,24 @@ from gloc3.network.stations import join_platforms
 ROOT: Final = Path(__file__).parents[3]
 FLAT, ROUTER, TREE, WATCHED = "flat", "one router", "tree", "tree, one vehicle watched"
 LAYOUTS: Final = (FLAT, ROUTER, TREE, WATCHED)
-COMPONENTS: Final = 21
-"""Of pelican."""
+RECORDING: Final = ROOT / "tests" / "data" / "log-of-0.1" / "log.mcap"
+"""Of a flight of `pelican_rtk`: take off, hold, land."""
+ADDRESSED: Final = ("/request", "/reply")
+"""Topics that not all stations receive."""
+FIRST_PORT: Final = 21_000
+"""Below those that the kernel gives to connections: of hundreds that are free, some would soon be taken."""
+GOLDEN: Final = 0.618
+"""Spreads any number of vehicles over the time of the recording."""
+LATE_S: Final = 1.0
+"""What is later is skipped."""
+CONNECTION: Final = re.compile(r"ESTAB +\d+ +\d+ +(?P<own>\S+) +(?P<other>\S+) .*?pid=(?P<process>\d+)")
+"""A line of `ss`."""
 SETTLE_S: Final = 3.0
+FOUND_WITHIN_S: Final = 60.0
+PROCESSES: Final = 50
+"""So many vehicles are each a process."""
 IN_A_PROCESS: Final = 10
+"""So many are in a process where there are more."""
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,8 +68,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
 class StationReport(msgspec.Struct, frozen=True, kw_only=True):
     """What a station measures."""
 
-    found_s: float
-    """Until it has heard all vehicles that it receives, s; infinite if it has not."""
+    found_s: float | None
+    """Until it has heard all vehicles that it receives, s; None if it has not within `FOUND_WITHIN_S`."""
     messages_s: float
     latency_p50_s: float
     latency_p99_s: float
@@ -80,9 +88,14 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
     vehicle_cpu: float
     router_cpu: float
     """Of the busiest router; 0 without."""
+    latency_p50_s: float
+    """Of the middle station."""
     latency_p99_s: float
     """Of the worst station."""
-    found_s: float
+    bare_p99_s: float
+    """How late a loop that does nothing was on this computer in the same time."""
+    found_s: float | None
+    """Of the last station; None if one has not found all."""
 
 
 def made(folder: Path, scene: Scene) -> None:
@@ -94,12 +107,13 @@ def made(folder: Path, scene: Scene) -> None:
         entry = register.NetworkMember(role=role, certificate="", until="", **fields)
         register.add(yard, name, entry, NOW, LONG, is_renewed=False)
 
+    ports = iter(range(FIRST_PORT, FIRST_PORT + scene.vehicles + len(LAYOUTS)))
     for router in routers_of(scene):
         uplinks = {"left": ["root"], "right": ["root"]}.get(router, [])
-        add(router, MemberRole.ROUTER, listen=[f"127.0.0.1:{free_port()}"], to=uplinks)
+        add(router, MemberRole.ROUTER, listen=[f"127.0.0.1:{next(ports)}"], to=uplinks)
     for number in range(scene.vehicles):
         if scene.layout == FLAT:
-            add(f"v{number}.main", MemberRole.PLATFORM, listen=[f"127.0.0.1:{free_port()}"])
+            add(f"v{number}.main", MemberRole.PLATFORM, listen=[f"127.0.0.1:{next(ports)}"])
         else:
             add(f"v{number}.main", MemberRole.PLATFORM, to=["left" if len(routers_of(scene)) > 1 else "root"])
     for number in range(scene.stations):
@@ -122,9 +136,10 @@ def measure(folder: Path, scene: Scene) -> Measured:
         ]
         for router in routers:
             router.await_line(lambda line: "listens at" in line)
+        together = 1 if scene.vehicles <= PROCESSES else IN_A_PROCESS
         vehicles = [
-            stack.enter_context(_running(folder, "vehicles", first, min(IN_A_PROCESS, scene.vehicles - first)))
-            for first in range(0, scene.vehicles, IN_A_PROCESS)
+            stack.enter_context(_running(folder, "vehicles", first, min(together, scene.vehicles - first)))
+            for first in range(0, scene.vehicles, together)
         ]
         for process in vehicles:
             process.await_line(lambda line: line == "open")
@@ -134,10 +149,13 @@ def measure(folder: Path, scene: Scene) -> Measured:
         ]
         for station in stations:
             station.await_line(lambda line: line == "settled")
+        bare = stack.enter_context(bare_loop())
         before = _sample(routers, vehicles, stations)
+        bare.report()
         begin_s = monotonic_s()
         for station in stations:
             station.await_line(lambda line: line == "measured")
+        late = bare.report()
         after, elapsed_s = _sample(routers, vehicles, stations), monotonic_s() - begin_s
         reports = [
             msgspec.json.decode(station.await_line(lambda line: line.startswith("{")), type=StationReport)
@@ -145,6 +163,8 @@ def measure(folder: Path, scene: Scene) -> Measured:
         ]
         for process in vehicles:
             process.interrupt()
+
+    found_s = [report.found_s for report in reports]
 
     def rate(key: str) -> list[float]:
         return [(later - earlier) / elapsed_s for earlier, later in zip(before[key], after[key], strict=True)]
@@ -156,8 +176,10 @@ def measure(folder: Path, scene: Scene) -> Measured:
         station_cpu=sum(rate("station cpu")) / scene.stations,
         vehicle_cpu=sum(rate("vehicle cpu")) / scene.vehicles,
         router_cpu=max(rate("router cpu"), default=0.0),
+        latency_p50_s=median(report.latency_p50_s for report in reports),
         latency_p99_s=max(report.latency_p99_s for report in reports),
-        found_s=max(report.found_s for report in reports),
+        bare_p99_s=late.p99_s,
+        found_s=None if None in found_s else max(filter(None, found_s)),
     )
 
 
@@ -192,82 +214,72 @@ def _cpu_s(process: int) -> float:
 def _traffic() -> dict[int, tuple[float, float]]:
     """Bytes of all TCP connections, sent and received, by process, as the kernel counts them."""
     text = subprocess.run(["ss", "-tinpHO"], capture_output=True, text=True, check=True).stdout
+    connections = [(match, line) for line in text.splitlines() if (match := CONNECTION.match(line))]
+    owners = {(match["own"], match["other"]): match["process"] for match, _ in connections}
     found: dict[int, tuple[float, float]] = {}
-    for line in text.splitlines():
-        owner = re.search(r"pid=(\d+)", line)
-        if owner is None:
-            continue
+    for match, line in connections:
+        process = int(match["process"])
+        if owners.get((match["other"], match["own"])) == match["process"]:
+            continue  # inside a process: between its front door and Zenoh
         sent, received = (
-            float(match[1]) if (match := re.search(rf"{word}:(\d+)", line)) else 0.0
+            float(count[1]) if (count := re.search(rf"{word}:(\d+)", line)) else 0.0
             for word in ("bytes_acked", "bytes_received")
         )
-        before = found.get(int(owner[1]), (0.0, 0.0))
-        found[int(owner[1])] = before[0] + sent, before[1] + received
+        before = found.get(process, (0.0, 0.0))
+        found[process] = before[0] + sent, before[1] + received
     return found
 
 
 # --- the processes ---
 
 
-def traffic(t_s: float) -> list[tuple[str, float, Message]]:
-    """What an onboard process sends to stations: topic, rate, message."""
-    lines = [ComponentLine(number, 0, 100, 10, number, 0) for number in range(COMPONENTS)]
-    vehicle = VehicleSummary(
-        t_s=t_s,
-        mode="AUTO.MISSION",
-        is_armed=True,
-        landed="in_air",
-        battery_percent=83,
-        position_m=(1.0, 2.0, 1.5),
-        speed_m_s=0.5,
-        heading_deg=90,
-        is_pose_valid=True,
-        has_pilot_control=False,
-        is_autopilot_connected=True,
-        frame="hold",
-        pose_sources=["stereo", "laser"],
-        pose_quality_percent=90,
-    )
-    motion = MotionSummary(
-        t_s=t_s,
-        attitude_cdeg=(0, 0, 9000),
-        position_cm=(100, 200, 150),
-        velocity_cm_s=(50, 0, 0),
-        is_pose_valid=True,
-        setpoint_cm=(101, 200, 150),
-        setpoint_velocity_cm_s=(50, 0, 0),
-        setpoint_heading_cdeg=9000,
-    )
-    tasks = {f"t{number}": "running" for number in range(8)}
-    mission = MissionSummary(name="inspection", digest="0123456789abcdef", state="running", tasks=tasks)
+class RecordedMessage(NamedTuple):
+    """A message that a station receives from a vehicle."""
+
+    at_s: float
+    """After the start of the recording."""
+    topic: str
+    """Below the platform's name."""
+    message: Message
+
+
+def recorded() -> list[RecordedMessage]:
+    """What a vehicle in flight has sent to its stations."""
+    with LogReader(RECORDING, TopicTable.installed().types) as reader:
+        found = [entry.envelope for entry in reader.entries("ci/*")]
     return [
-        ("summary", 2.0, Summary(table=1, health=Health.WORKING, lines=lines)),
-        ("vehicle", 2.0, vehicle),
-        ("motion", 2.0, motion),
-        ("mission", 1.0, mission),
-        ("control", 1.0, ControlState(holder="alice")),
+        RecordedMessage(one.t_s, one.topic.partition("/")[2], one.payload)
+        for one in found
+        if not one.topic.endswith(ADDRESSED)
     ]
+
+
+async def fly(publisher: Publisher, name: str, messages: Sequence[RecordedMessage], skipped_s: float) -> None:
+    """Publishes a recording again and again, from some point of it on."""
+    loop, lasts_s = asyncio.get_running_loop(), messages[-1].at_s
+    begin_s = loop.time() - skipped_s
+    while True:
+        for one in messages:
+            wait_s = begin_s + one.at_s - loop.time()
+            if wait_s >= 0.0 or begin_s + one.at_s > loop.time() - LATE_S:
+                await asyncio.sleep(wait_s)
+                publisher.publish(f"{name}/{one.topic}", one.message, loop.time())
+        begin_s += lasts_s
 
 
 async def vehicles(folder: Path, first: int, number: int) -> None:
     """Some vehicles, until they are interrupted."""
-    loop, topics = asyncio.get_running_loop(), TopicTable.installed()
+    loop, topics, messages = asyncio.get_running_loop(), TopicTable.installed(), recorded()
     with ExitStack() as stack:
-        publishers = {}
-        for name in (f"v{index}" for index in range(first, first + number)):
+        flights = []
+        for index in range(first, first + number):
+            name = f"v{index}"
             own = read_network(folder / "yard" / f"{name}.main" / "network.yaml", NOW)
             network = stack.enter_context(open_exchange(own.node(), loop, topics, settings=own.settings()))
-            publishers[name] = Publisher(network, name, "ci", 1)
+            skipped_s = messages[-1].at_s * (index * GOLDEN % 1.0)
+            flights.append(fly(Publisher(network, name, "ci", 1), name, messages, skipped_s))
         print("open", flush=True)
-        tick = 0
-        while True:
-            for offset, (name, publisher) in enumerate(publishers.items()):
-                now_s = loop.time()
-                for topic, rate_hz, message in traffic(now_s):
-                    if (tick + offset) % round(2.0 / rate_hz) == 0:
-                        publisher.publish(f"{name}/ci/{topic}", message, now_s)
-                await asyncio.sleep(0.5 / len(publishers))
-            tick += 1
+        await asyncio.gather(*flights)
 
 
 async def station(folder: Path, number: int, wanted: int, seconds: float, layout: str) -> None:
@@ -285,9 +297,9 @@ async def station(folder: Path, number: int, wanted: int, seconds: float, layout
     begin_s = loop.time()
     with open_exchange(own.node(), loop, topics, settings=own.settings()) as network:
         join_platforms(network, inside, topics, name, signer=own.signer(), watched=own.file.watches)
-        while len(heard) < count and loop.time() < begin_s + 60.0:
+        while len(heard) < count and loop.time() < begin_s + FOUND_WITHIN_S:
             await asyncio.sleep(0.01)
-        found_s = loop.time() - begin_s if len(heard) >= count else float("inf")
+        found_s = loop.time() - begin_s if len(heard) >= count else None
         await asyncio.sleep(SETTLE_S)
         print("settled", flush=True)
         late_s.clear()

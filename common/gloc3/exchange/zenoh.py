@@ -39,6 +39,8 @@ ANSWER_S: Final = 5.0
 COUNTED_PLACES: Final = 200
 BREAK_S: Final = 3.0
 """Losses within this time are one report: a break of a link costs every topic some messages."""
+CALM_S: Final = 60.0
+"""Refused connections of an address that come so long after others are counted and reported from the beginning."""
 PART: Final = re.compile(r"\*|\?|\[[^]]*\]")
 """A wildcard for some characters in a level of a pattern."""
 
@@ -117,6 +119,7 @@ class ZenohExchange:
         near = NearServer(loop) if is_sharing else None
         self._means = Means(node.session, loop, self._arrivals, topics.types, near, sender)
         self._large = LargeInlet(self._means, self._receive_bytes, self._count)
+        self._refused_s: dict[str, float] = {}  # when last, by address
         self._losses: dict[str, str] = {}
         """By topic: the losses that are not reported yet."""
         self._is_open = True
@@ -291,7 +294,12 @@ class ZenohExchange:
             self._loop.call_soon_threadsafe(self._count_refused, refused)
 
     def _count_refused(self, refused: Mapping[tuple[str, str], int]) -> None:
+        now_s = self._loop.time()
+        self._refused_s = {one: at_s for one, at_s in self._refused_s.items() if now_s - at_s < CALM_S}
         for (address, reason), number in refused.items():
+            if address not in self._refused_s:
+                self._counts.pop(f"refused {address}", None)
+            self._refused_s[address] = now_s
             self._count("refused", address, reason, number)
 
     # --- out ---

@@ -13,7 +13,7 @@ from tests.common.exchange.middlewares import until
 from tests.common.network.yard import Yard
 
 from gloc3.errors import Gloc3Error
-from gloc3.exchange import Publisher, front_door
+from gloc3.exchange import Publisher, front_door, zenoh
 from gloc3.exchange.admission import OF_ADDRESS
 from gloc3.exchange.zenoh import ZenohExchange
 from gloc3.exchange.zenoh_session import open_node
@@ -88,6 +88,17 @@ async def test_three_hundred_connections_of_a_stranger_keep_no_member_out(yard: 
     assert reported == [
         f"refused {STRANGER}: too many connections without a handshake come from there ({300 - MOST} so far)"
     ]
+
+
+async def test_each_break_is_reported_once(yard: Yard, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(zenoh, "CALM_S", 2.0)
+    reported = list[str]()
+    with yard.open("pelican.main", troubled=lambda _, text: reported.append(text)):
+        for number, wait_s in ((1, 0.0), (1, 0.0), (2, 2.5)):
+            await asyncio.sleep(wait_s)
+            with strangers(yard, MOST + 20):
+                await asyncio.sleep(1.0)
+            assert len(reported) == number
 
 
 @pytest.mark.parametrize("first", [b"", b"\x16\x03\x01\x02\x00", b"GET /"], ids=["idle", "TLS", "HTTP"])

@@ -284,7 +284,7 @@ class VehicleSide:
             storage.computer_start,
             Background(storage.log_store, storage.worker or ImmediateExecutor(), inputs.terrain, storage.usage),
         )
-        cameras = cameras_of(inputs.platform, sensors.rig.model, sensors.urls)
+        cameras = cameras_of(inputs.platform, sensors.rig.model, sensors.urls, inputs.video_url)
         for address in self.companion.add_cameras(cameras, context.platform, context.exchange):
             self._router.add_own(address)
         if any(row.arguments == "point_camera" for row in inputs.platform.capabilities.values()):

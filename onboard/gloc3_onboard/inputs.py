@@ -125,6 +125,8 @@ class VehicleInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Plans that other stations send to the autopilot become missions, and do not reach it."""
     terrain: Terrain | None = None
     """Heights of the ground, for missions; None without tiles."""
+    video_url: Callable[[str], str] = lambda _camera: ""
+    """URL of a camera's video; empty for none."""
 
 
 class Attachment(NamedTuple):

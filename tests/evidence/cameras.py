@@ -1,5 +1,6 @@
 """Cameras and payload: pictures of a flight read by other programs, other programs' stations, and a busy writer."""
 
+import asyncio
 import shutil
 import subprocess
 import sys
@@ -55,9 +56,15 @@ TESTS = [
     "tests/flight/test_payload_in_flight.py",
     "tests/flight/test_cameras_of_others.py",
     "tests/onboard/companion/test_cameras_through_the_onboard_process.py",
+    "tests/onboard/payload/test_gimbal_link.py",
+    "tests/flight/test_gimbal_in_flight.py",
+    "tests/onboard/companion/test_gimbal_through_the_onboard_process.py",
+    "tests/onboard/video/test_video_streams.py",
+    "tests/onboard/video/test_video_through_the_onboard_process.py",
 ]
 MEGAPIXELS = (4000, 3000)
 POSITION_M, ANGLE_DEG, TIME_MS, RETURN_MS = 0.2, 1.5, 1.0, 20.0
+FRAMES, GREY_LEVELS = 40, 6.0
 
 
 def flown() -> dict[str, Any]:
@@ -190,9 +197,22 @@ def written() -> dict[str, float]:
     return found
 
 
+def streamed() -> dict[str, float]:
+    """Pictures of a camera, streamed over RTSP and read by OpenCV: how far they differ from those taken."""
+    from tests.onboard.video.test_video_streams import nearest, seen_by_opencv, serving
+
+    async def watched() -> list[Any]:
+        async with serving() as scene:
+            return await asyncio.to_thread(seen_by_opencv, scene.url(), FRAMES)
+
+    frames = asyncio.run(watched())
+    return {"frames": len(frames), "difference": max(nearest(frame) for frame in frames)}
+
+
 def run(progress: Progress) -> list[Figure]:
     """The bar."""
     flight, disk = progress.part("flight", flown), progress.part("disk", written)
+    video = progress.part("video", streamed)
     other = flight["exiftool"]
     count = flight["pictures"]
     figures = [
@@ -235,6 +255,13 @@ def run(progress: Progress) -> list[Figure]:
             disk["thread"] < RETURN_MS,
         ),
         Figure("without it", f"{disk['none']:.0f} ms"),
+        Figure(
+            f"largest mean difference of {video['frames']:.0f} frames, streamed over RTSP and read by OpenCV, from the "
+            "camera's pictures",
+            f"{video['difference']:.1f} of 255 levels",
+            f"< {GREY_LEVELS:g}",
+            video["difference"] < GREY_LEVELS,
+        ),
     ]
     return figures + suite("cameras", TESTS)(progress)
 
@@ -244,9 +271,10 @@ BARS = (
         name="cameras",
         title="Pictures carry time, position and attitude, and other programs read them",
         claim="Pictures of a flight are in colour and carry time, position and attitude, which other programs read; "
-        "MAVSDK and QGroundControl's sequence find and shoot the camera; missions move servos, grippers, relays and "
-        "winches. Nothing of this was tried on hardware: no V4L2, GPIO or PWM device, no gripper, and no photogrammetry "
-        "program. The onboard process streams no video, and there is no gimbal manager.",
+        "MAVSDK and QGroundControl's sequence find and shoot the camera, and find and steer the gimbal; OpenCV reads the "
+        "video; missions point the gimbal and move servos, grippers, relays and winches. Nothing of this was tried on "
+        "hardware: no V4L2, GPIO or PWM device, no gripper or gimbal, and no photogrammetry program. The video has no "
+        "pose beside it.",
         run=run,
     ),
 )

@@ -28,6 +28,7 @@ EXTRAS: dict[str, list[list[str]]] = {
     "logs": [["log", "--help"]],
     "gpio": [["component", "describe", "payload"]],
     "laser": [["onboard", "--help"]],
+    "video": [["onboard", "--help"], ["-c", "import av; av.CodecContext.create('libx264', 'w')"]],
     "joystick": [["station", "--help"]],
 }
 """Commands of gloc3, or of Python, that must end well with each extra alone."""

@@ -48,6 +48,7 @@ SUMMARIES: Final = {
 
 EXTRAS: Final = {
     "aiohttp": "groundstation",
+    "av": "video",
     "foxglove": "groundstation",
     "jsbsim": "sitl",
     "matplotlib": "logs",

@@ -61,6 +61,7 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
         system_id=options.system_id,
         is_quiet=options.quiet,
         metrics=options.metrics,
+        video=options.video,
         accepts_plans=options.take_plans,
         terrain=options.terrain,
         log_limits=LogLimits(file_mb=options.log_size, total_mb=options.log_total),

@@ -64,6 +64,9 @@ class OnboardOptions:
     metrics: str = ""
     """Serve metrics for Prometheus over HTTP at HOST:PORT, such as 127.0.0.1:9100: states, rates, cycle times and losses
     of the components, links, battery, memory; docs/onboard-service.md. They are neither encrypted nor protected."""
+    video: str = ""
+    """Serve the video of the cameras that the mission may record over RTSP at ADDRESS:PORT, such as 127.0.0.1:8554;
+    VIDEO_STREAM_INFORMATION has this address. Needs PyAV (pip install gloc3[video]). It is neither encrypted nor protected."""
     quiet: Flag = False
     """No narration on stderr."""
 
@@ -79,6 +82,10 @@ class OnboardOptions:
             from gloc3_onboard.process.metrics import parse_address
 
             parse_address(self.metrics)
+        if self.video:
+            from gloc3_onboard.video.streams import read_address
+
+            read_address(self.video)
         for url in (self.autopilot, *self.station, *filter(None, (self.acoustic,))):
             parse_url(url)
         if not 1 <= self.system_id <= MOST_SYSTEM_ID:

@@ -87,7 +87,10 @@ class CameraEntry(NamedTuple):
 
 
 def cameras_of(
-    platform: Platform, model: Callable[[str], CameraModel | None], urls: Mapping[str, str]
+    platform: Platform,
+    model: Callable[[str], CameraModel | None],
+    urls: Mapping[str, str],
+    video_url: Callable[[str], str] = lambda _camera: "",
 ) -> list[CameraEntry]:
     """The cameras whose pictures can be recorded, in the order of the platform file, as far as there are components.
 
@@ -95,13 +98,14 @@ def cameras_of(
         platform: the platform file.
         model: the calibration of a camera.
         urls: sources by device.
+        video_url: where this process serves a camera's video; empty for nowhere.
     """
     found: dict[str, CameraEntry] = {}
     first = platform.first_camera_component
     for capability, row in platform.capabilities.items():
         for name in row.options.get("camera", ()) if row.arguments == "record_images" else ():
             url = urls.get(f"{name}_camera", "")
-            stream_url = url.partition("?")[0] if url.startswith("rtsp://") else ""
+            stream_url = url.partition("?")[0] if url.startswith("rtsp://") else video_url(name)
             found.setdefault(name, CameraEntry(first + len(found), name, capability, model(name), stream_url))
     return [entry for entry in found.values() if first and entry.component <= LAST_COMPONENT]
 

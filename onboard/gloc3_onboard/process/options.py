@@ -34,6 +34,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Which of the platform's hosts this is; None for the only one."""
     metrics: str = ""
     """HOST:PORT where metrics for Prometheus are served; empty for nowhere."""
+    video: str = ""
+    """ADDRESS:PORT where the cameras' video is served; empty for nowhere."""
     network: Path | None = None
     """The network file of this host; None where nothing leaves this computer but MAVLink."""
 

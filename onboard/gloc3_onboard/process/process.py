@@ -25,6 +25,7 @@ from gloc3.platform.reader import find_platform, load_platform
 from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.companion.acoustic_link import ModemSettings
+from gloc3_onboard.companion.cameras import cameras_of
 from gloc3_onboard.hosts.host_process import HostOptions, run_host
 from gloc3_onboard.hosts.other_processes import OtherProcesses
 from gloc3_onboard.hosts.shared import SharedExchange, alone, check_member, open_shared
@@ -38,6 +39,7 @@ from gloc3_onboard.process.vitals import VitalSigns
 from gloc3_onboard.sensors.registry import SourceHost, is_interactive, sensor_kinds
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.service import SystemdService
+from gloc3_onboard.video.streams import VideoAddress, VideoStreams, read_address
 
 DEVICES: Final = (*HOST_DEVICES, *sensor_kinds(), *(f"*_{sensor}" for sensor in sensor_kinds()))
 """What this host has; installed packages bring more."""
@@ -165,6 +167,7 @@ class OnboardProcess:
             system_id=options.system_id,
             accepts_plans=options.accepts_plans,
             terrain=open_terrain(options.terrain),
+            video_url=read_address(options.video).url if options.video else lambda _camera: "",
         )
 
     async def open(self) -> None:
@@ -184,6 +187,8 @@ class OnboardProcess:
         self._others.begin()
         if options.metrics:
             self._serve_metrics(options.metrics)
+        if options.video:
+            await self._serve_video(read_address(options.video))
         vehicle.host(
             self._sensors, self._computer, storage, Hosting(rows=self._rows, placeholders=self._others.placeholders)
         )
@@ -200,6 +205,15 @@ class OnboardProcess:
         self.narrate(Severity.INFO, f"metrics: http://{host}:{server.port}/metrics")
         if not is_loopback(host):
             self.narrate(Severity.WARNING, f"metrics on {address} are open to everyone who reaches it")
+
+    async def _serve_video(self, address: VideoAddress) -> None:
+        names = [entry.name for entry in cameras_of(self.platform, lambda _: None, {})]
+        streams = VideoStreams(names, self.platform.platform, self.exchange, self._loop)
+        self.vehicle.parts.add("video", streams, streams.close)
+        await streams.open(address)
+        self.narrate(Severity.INFO, f"video: {', '.join(map(address.url, names)) or 'this platform records no camera'}")
+        if address.is_open:
+            self.narrate(Severity.WARNING, f"video on {address.host} is open to everyone who reaches it")
 
     async def _open(
         self, url: str, attachment: Attachment, *, is_signed: bool = False, pins_autopilot: bool = False

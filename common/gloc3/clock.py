@@ -141,14 +141,6 @@ class _Call(asyncio.TimerHandle):
         self._repr = self._source_traceback = None
         self._when = when
 
-    def _run(self) -> None:
-        if self._context is not None:
-            super()._run()
-            return
-        _, error = guard(self._callback, *self._args)
-        if error is not None:
-            self._loop.call_exception_handler({"message": "a callback failed", "exception": error, "handle": self})
-
 
 class VirtualLoop(asyncio.BaseEventLoop):
     """An event loop without waiting: its clock jumps to the next timer when nothing is ready.
@@ -158,8 +150,9 @@ class VirtualLoop(asyncio.BaseEventLoop):
     is fixed. What callbacks raise does not end the loop, but is kept in `failures`.
     """
 
-    _ready: "deque[asyncio.Handle]"
+    _ready: "deque[_Call]"
     _stopping: bool
+    _closed: bool
 
     def __init__(self) -> None:
         super().__init__()
@@ -178,7 +171,8 @@ class VirtualLoop(asyncio.BaseEventLoop):
         self, when: float, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None
     ) -> asyncio.TimerHandle:
         """Schedules a callback at a time; one in the past runs at once, after the callbacks that are ready."""
-        self._check_closed()  # type: ignore[attr-defined] # asyncio's own, as in every loop built on its base
+        if self._closed:
+            self._check_closed()  # type: ignore[attr-defined] # asyncio's own, as in every loop built on its base
         timer = _Call(when, callback, args, self, context)
         self._timers_made += 1
         heappush(self._timers, (when, self._timers_made, timer))
@@ -188,7 +182,8 @@ class VirtualLoop(asyncio.BaseEventLoop):
         self, callback: Callable[[*Ts], object], *args: *Ts, context: Context | None = None
     ) -> asyncio.Handle:
         """Schedules a callback after those that are ready."""
-        self._check_closed()  # type: ignore[attr-defined] # asyncio's own
+        if self._closed:
+            self._check_closed()  # type: ignore[attr-defined] # asyncio's own
         call = _Call(self._now_s, callback, args, self, context)
         self._ready.append(call)
         return call
@@ -210,25 +205,34 @@ class VirtualLoop(asyncio.BaseEventLoop):
         return ended
 
     def _run_once(self) -> None:
-        """Runs everything that is ready, or else jumps to the next moment at which something is."""
+        """Runs everything that is ready, or else jumps to the next moment at which something is; again until stopped."""
         ready, timers = self._ready, self._timers
-        if not ready and not self._stopping:
-            while timers and timers[0][2]._cancelled:
-                heappop(timers)
-            if not timers:
-                cause = self.failures[0] if self.failures else None
-                raise Misuse("virtual time is stuck: a task waits, but nothing is scheduled") from cause
-            if timers[0][0] > self._now_s:
-                self._now_s = timers[0][0]
-        now_s = self._now_s
-        while timers and timers[0][0] <= now_s:
-            timer = heappop(timers)[2]
-            if not timer._cancelled:
-                ready.append(timer)
-        for _ in range(len(ready)):
-            handle = ready.popleft()
-            if not handle._cancelled:
-                handle._run()
+        while True:
+            if not ready and not self._stopping:
+                while timers and timers[0][2]._cancelled:
+                    heappop(timers)
+                if not timers:
+                    cause = self.failures[0] if self.failures else None
+                    raise Misuse("virtual time is stuck: a task waits, but nothing is scheduled") from cause
+                if timers[0][0] > self._now_s:
+                    self._now_s = timers[0][0]
+            now_s = self._now_s
+            while timers and timers[0][0] <= now_s:
+                timer = heappop(timers)[2]
+                if not timer._cancelled:
+                    ready.append(timer)
+            for _ in range(len(ready)):
+                call = ready.popleft()
+                if call._cancelled:
+                    continue
+                if call._context is not None:
+                    call._run()
+                    continue
+                _, error = guard(call._callback, *call._args)
+                if error is not None:
+                    self.call_exception_handler({"message": "a callback failed", "exception": error, "handle": call})
+            if self._stopping:
+                return
 
     def _write_to_self(self) -> None:
         """Nobody has to be woken."""

@@ -45,7 +45,8 @@ class Mailbox:
         """What the last inbox holds: never changed, because a worker may be reading it."""
         self._filled: list[str] = []
         """Ports whose queues are not empty."""
-        self._nothing = Inbox({}, self._drained)
+        self._nothing: Inbox | None = None
+        """What cycles without news read."""
         self.dropped = 0
 
     def put(self, port: str, envelope: Envelope[Any]) -> None:
@@ -68,6 +69,8 @@ class Mailbox:
     def drain(self) -> Inbox:
         """What the next cycle reads; the queues are empty afterwards."""
         if not self._filled:
+            if self._nothing is None:
+                self._nothing = Inbox({}, self._drained)
             return self._nothing
         new: dict[str, Sequence[Envelope[Any]]] = {}
         for name in self._filled:
@@ -75,17 +78,15 @@ class Mailbox:
             new[name] = tuple(queue)
             queue.clear()
         self._filled.clear()
-        self._drained = self._latest.copy()
-        self._nothing = Inbox({}, self._drained)
+        self._drained, self._nothing = self._latest.copy(), None
         return Inbox(new, self._drained)
 
     def clear(self) -> None:
         """Clears all queues, as at a start: a component never works on messages from before its start."""
         for queue in self._queues.values():
             queue.clear()
-        self._latest, self._drained = {}, {}
+        self._latest, self._drained, self._nothing = {}, {}, None
         self._filled.clear()
-        self._nothing = Inbox({}, self._drained)
 
 
 class CycleCalls(NamedTuple):

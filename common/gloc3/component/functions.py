@@ -90,7 +90,7 @@ class FunctionDesk:
                 raise Refused(f"functions are taken while working or quiet; it is {hosted.state or 'absent'}")
             if hosted.is_busy:
                 raise Refused("busy: no function is taken while a command is carried out")
-            if len(hosted.jobs) >= WAITING_MAX:
+            if len(hosted.jobs.running) >= WAITING_MAX:
                 raise Refused(f"busy: {WAITING_MAX} functions wait already")
             entry, arguments = decode_request(type(hosted.component), request)
             if isinstance(arguments, SetRate | SetLogging):

@@ -182,7 +182,7 @@ class HostedComponent:
     def _may_begin(self) -> bool:
         if self.is_busy:
             return False
-        if self.jobs:  # a function takes the time of this cycle
+        if self.jobs.running:  # a function takes the time of this cycle
             self._cycler.statistics.overruns += 1
             return False
         if self.state is State.WORKING:

@@ -59,12 +59,14 @@ class ComponentJob:
         """On the worker; does not raise."""
         self.is_skipped = self._gate.is_shut
         if not self.is_skipped:
-            self._carry_out()
+            _, self.error = guard(self._work)
+            if self.error is not None:
+                self._end_failed()
         return self
 
-    def _carry_out(self) -> None:
-        _, self.error = guard(self._work)
-        if self.error is not None and not self.is_refused:
+    def _end_failed(self) -> None:
+        """Ends the jobs of the component after an error, unless it was a refusal."""
+        if not self.is_refused:
             if self._is_device_live and not self._gate.is_shut:
                 self._make_safe()
             self._gate.is_shut = True
@@ -210,7 +212,9 @@ class CycleJob(ComponentJob):
         begin_s = 0.0 if stopwatch is None else stopwatch()
         self.failures = []
         self._is_device_live = not self.is_quiet
-        self._carry_out()
+        _, self.error = guard(self._work)
+        if self.error is not None:
+            self._end_failed()
         if stopwatch is not None:
             self.cost_s = stopwatch() - begin_s
         return self

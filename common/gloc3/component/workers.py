@@ -10,7 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from typing import Any, NamedTuple, ParamSpec, Protocol, TypeVar
+from typing import Any, Final, NamedTuple, ParamSpec, Protocol, TypeVar
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -182,12 +182,9 @@ class JobQueue:
         self._loop = loop
         self._worker = worker
         self._expired = expired
-        self._running: dict[int, _Job] = {}
+        self.running: Final[dict[int, _Job]] = {}
+        """The jobs that have not ended, by number."""
         self._made = 0
-
-    def __len__(self) -> int:
-        """How many have not ended."""
-        return len(self._running)
 
     def run(
         self,
@@ -212,17 +209,17 @@ class JobQueue:
         self._made += 1
         number = self._made
         cause = f"timeout: {what} took over {limit_s:g} s"
-        self._running[number] = _Job(self._loop.call_later(limit_s, self._expired, cause), gave_up)
+        self.running[number] = _Job(self._loop.call_later(limit_s, self._expired, cause), gave_up)
         self._worker.run(job, lambda result: self._end(number, ended, result), cost_s)
 
     def _end(self, number: int, ended: Callable[[Any], None], result: Any) -> None:
-        self._running.pop(number).deadline.cancel()
+        self.running.pop(number).deadline.cancel()
         ended(result)
 
     def abandon(self) -> list[GaveUp]:
         """Abandons the jobs under way; returns the callbacks to notify, in order."""
-        jobs = list(self._running.values())
-        self._running.clear()
+        jobs = list(self.running.values())
+        self.running.clear()
         for job in jobs:
             job.deadline.cancel()
         self._worker.abandon()

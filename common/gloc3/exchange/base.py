@@ -98,28 +98,27 @@ class LocalExchange:
 
         What subscribers publish meanwhile follows when all have this one.
         """
+        self._waiting.append(envelope)
         if self._is_delivering:
-            self._waiting.append(envelope)
             return
         self._is_delivering = True
         try:
-            self._deliver(envelope)
             while self._waiting:
-                self._deliver(self._waiting.popleft())
+                envelope = self._waiting.popleft()
+                route = self._routes.get(envelope.topic)
+                self._hand_over(self._new_route(envelope.topic) if route is None else route, envelope)
         finally:
             self._is_delivering = False
 
-    def _deliver(self, envelope: Envelope[Any]) -> None:
-        route = self._routes.get(envelope.topic)
-        if route is None:
-            route = tuple(deliver for pattern, deliver in self._subscribers if matches(pattern, envelope.topic))
-            row = None if self._topics is None else self._topics.row(envelope.topic)
-            if row is not None and row.is_latched:
-                route = (self._keep, *route)
-            if len(self._routes) >= MOST_ROUTES:
-                self._routes.clear()
-            self._routes[envelope.topic] = route
-        self._hand_over(route, envelope)
+    def _new_route(self, topic: str) -> tuple[Deliver, ...]:
+        route = tuple(deliver for pattern, deliver in self._subscribers if matches(pattern, topic))
+        row = None if self._topics is None else self._topics.row(topic)
+        if row is not None and row.is_latched:
+            route = (self._keep, *route)
+        if len(self._routes) >= MOST_ROUTES:
+            self._routes.clear()
+        self._routes[topic] = route
+        return route
 
     def _hand_over(self, route: Iterable[Deliver], envelope: Envelope[Any]) -> None:
         rest = iter(route)

@@ -6,6 +6,7 @@ import re
 import struct
 from collections.abc import Mapping
 from enum import Enum
+from functools import lru_cache
 from typing import Final
 
 import msgspec
@@ -30,6 +31,7 @@ HEADER_LENGTH: Final = 10
 """Of MAVLink 2, the magic byte included."""
 _AROUND_2: Final = HEADER_LENGTH + 2
 """Bytes of an unsigned MAVLink 2 frame beside its payload."""
+_address = lru_cache(1024)(Address)
 _NEXT_MAGIC = re.compile(rb"[\xfd\xfe]").search
 
 
@@ -61,7 +63,7 @@ class Frame(msgspec.Struct, frozen=True, gc=False):
     @property
     def sender(self) -> Address:
         """Where it comes from."""
-        return Address(self.system, self.component)
+        return _address(self.system, self.component)
 
     @property
     def payload(self) -> bytes:

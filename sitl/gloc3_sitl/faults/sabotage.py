@@ -111,6 +111,8 @@ class FaultInjector:
     def cost_s(self, component: str, now_s: float) -> float:
         """Returns the duration of a cycle: the fault model of the hosts."""
         base_s = self._base_s(component, now_s) if self._base_s is not None else 0.0
+        if not self._leaks_s and not self._costs_s:
+            return base_s
         for leak in self._leaks_s.get(component, ()):
             leak[1] += leak[0]
             base_s += leak[1]

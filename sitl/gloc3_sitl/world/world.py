@@ -109,15 +109,16 @@ class _Slope:
     """A rectangle that is ground, but not level at height 0."""
 
     def __init__(self, surface: WorldSurface, normal: Vector3) -> None:
-        self._surface, self._normal = surface, normal
+        self._corner_m, self._normal = surface.corner_m, normal
+        self._sides = [(side, sum(part * part for part in side)) for side in (surface.across_m, surface.down_m)]
 
     def height_at(self, x_m: float, y_m: float) -> float:
         """Its height at a place; minus infinity beside it."""
-        (cx, cy, cz), (nx, ny, nz) = self._surface.corner_m, self._normal
-        height_m = cz - (nx * (x_m - cx) + ny * (y_m - cy)) / nz
-        offset = (x_m - cx, y_m - cy, height_m - cz)
-        for side in (self._surface.across_m, self._surface.down_m):
-            share = sum(a * b for a, b in zip(offset, side, strict=True)) / sum(a * a for a in side)
+        (cx, cy, cz), (nx, ny, nz) = self._corner_m, self._normal
+        dx, dy = x_m - cx, y_m - cy
+        height_m = cz - (nx * dx + ny * dy) / nz
+        for (along_x, along_y, along_z), square in self._sides:
+            share = (dx * along_x + dy * along_y + (height_m - cz) * along_z) / square
             if not 0.0 <= share <= 1.0:
                 return -inf
         return height_m

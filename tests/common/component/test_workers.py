@@ -125,9 +125,9 @@ def test_an_errand_that_takes_too_long_is_told_and_all_that_wait_can_be_given_up
         queued.run(lambda: "1", reported.append, reported.append, what="first", limit_s=1.0, cost_s=0.5)
         queued.run(lambda: "2", reported.append, reported.append, what="second", limit_s=1.0, cost_s=9.0)
         queued.run(lambda: "3", reported.append, reported.append, what="third", limit_s=5.0)
-        assert len(queued) == 3
+        assert len(queued.running) == 3
         await asyncio.sleep(20.0)
-        assert len(queued) == 0
+        assert len(queued.running) == 0
 
     run_virtual(main())
     assert reported == ["1", "timeout: second took over 1 s", "timeout: second took over 1 s"]

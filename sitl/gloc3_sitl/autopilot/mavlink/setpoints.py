@@ -108,8 +108,12 @@ def here_if_free(craft: Craft) -> Vector3:
 
 
 def _axes(mask: int, values: Vector3, word: str) -> Vector3:
-    x, y, z = (nan if mask & 1 << index else _number(value, word) for index, value in enumerate(values))
-    return (x, y, z)
+    x, y, z = values
+    return (
+        nan if mask & 1 else _number(x, word),
+        nan if mask & 2 else _number(y, word),
+        nan if mask & 4 else _number(z, word),
+    )
 
 
 def _number(value: float, word: str) -> float:

@@ -3,12 +3,14 @@
 import queue
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
-import zenoh
 
 from gloc3.errors import Gloc3Error
+
+if TYPE_CHECKING:
+    import zenoh
 
 WAITING: Final = 64
 """Messages that wait to be read; the oldest are dropped."""
@@ -26,12 +28,14 @@ def payloads(endpoint: str, key: str, wait_s: float) -> Iterator[Iterator[bytes 
     Raises:
         Gloc3Error: the node is not reached, or the key is none.
     """
+    import zenoh
+
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("scouting/multicast/enabled", "false")
     came: queue.Queue[bytes] = queue.Queue(WAITING)
 
-    def keep(sample: zenoh.Sample) -> None:
+    def keep(sample: "zenoh.Sample") -> None:
         if came.full():
             came.get_nowait()
         came.put_nowait(sample.payload.to_bytes())

@@ -1,17 +1,18 @@
-"""Other processes, seen from the clock host: children, hosts, time, and network stations."""
+"""Other processes, seen from the clock host: children, hosts, time, and network stations.
+
+What serves a network alone, with all of its cryptography, is loaded by its members.
+"""
 
 import asyncio
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 from gloc3.cli.counting import counted
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import SensorCondition
-from gloc3.network.file import Membership
-from gloc3.network.spreading import PASSED_ON_S, RevocationSpreader
-from gloc3.network.stations import BridgeContext, BridgeMembers, StationBridge
 from gloc3.platform.places import clock_host, host_names
 from gloc3_onboard.assembly import VehicleSide
 from gloc3_onboard.autopilot.link_reports import LinkReports
@@ -23,6 +24,11 @@ from gloc3_onboard.hosts.shared import SharedExchange, renew, report_strangers, 
 from gloc3_onboard.inputs import VehicleInputs
 from gloc3_onboard.process.options import ProcessOptions
 from gloc3_onboard.process.runner import HostMember
+
+if TYPE_CHECKING:
+    from gloc3.network.file import Membership
+    from gloc3.network.spreading import RevocationSpreader
+    from gloc3.network.stations import BridgeMembers, StationBridge
 
 
 class OtherProcesses:
@@ -42,7 +48,7 @@ class OtherProcesses:
         options: ProcessOptions,
         inputs: VehicleInputs,
         shared: SharedExchange,
-        member: Membership | None,
+        member: "Membership | None",
         vehicle: VehicleSide,
         sensors: Callable[[], list[SensorCondition]],
     ) -> None:
@@ -62,26 +68,34 @@ class OtherProcesses:
                 vehicle_boot_s=lambda: vehicle.autopilot.telemetry.t_s_of_boot(0.0),
             ),
         )
-        boots = context.random
         self._bridge: StationBridge | None = None
         self._spreader: RevocationSpreader | None = None
         self._cuts: set[asyncio.Task[None]] = set()
         self._renewal = asyncio.Lock()
         if member is not None:
-            self._events = LinkReports(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
-            report_strangers(shared.exchange, self._events.report)
-            bridged = BridgeContext(context.platform, context.loop, context.clock, context.topics)
-            self._bridge = StationBridge(exchange, bridged, _members(member), boots.getrandbits(32), self._forged)
-            parts.add("network events", self._events)
-            parts.add("station bridge", self._bridge, self._bridge.close)
-            self._spreader = RevocationSpreader(
-                exchange, context.loop, boots, member, self._adopt_list, partial(self._events.report, Severity.WARNING)
-            )
-            parts.add("list of revoked members", self._spreader, self._spreader.close)
+            self._join(member, vehicle)
         clock_server = ClockServer(exchange, context.platform, context.loop)
         parts.add("clock server", clock_server, clock_server.close)
         self._watch = HostWatch(context, self._host, host_names(platform), report)
         parts.add("host watch", self._watch, self._watch.close)
+
+    def _join(self, member: "Membership", vehicle: VehicleSide) -> None:
+        """Serves the stations of a network, and passes its list of revoked members on."""
+        from gloc3.network.spreading import RevocationSpreader
+        from gloc3.network.stations import BridgeContext, StationBridge
+
+        context, parts = self._inputs.context, vehicle.parts
+        exchange, boots = context.exchange, context.random
+        self._events = LinkReports(exchange, context.platform, boots.getrandbits(32), context.loop.time, "network")
+        report_strangers(exchange, self._events.report)
+        bridged = BridgeContext(context.platform, context.loop, context.clock, context.topics)
+        self._bridge = StationBridge(exchange, bridged, _members(member), boots.getrandbits(32), self._forged)
+        parts.add("network events", self._events)
+        parts.add("station bridge", self._bridge, self._bridge.close)
+        self._spreader = RevocationSpreader(
+            exchange, context.loop, boots, member, self._adopt_list, partial(self._events.report, Severity.WARNING)
+        )
+        parts.add("list of revoked members", self._spreader, self._spreader.close)
 
     @property
     def is_beginning(self) -> bool:
@@ -131,7 +145,7 @@ class OtherProcesses:
             others = counted(len(member.file.others), "other member")
             inputs.report(Severity.NOTICE, f"{network} is reloaded: {others}")
 
-    async def _reconnect(self, member: Membership) -> bool:
+    async def _reconnect(self, member: "Membership") -> bool:
         """Opens the connections to others again; returns False, and reports it, where they cannot be opened."""
         async with self._renewal:
             self._watch.expect_renewal()
@@ -142,13 +156,13 @@ class OtherProcesses:
                 return False
         return True
 
-    def _admit(self, member: Membership) -> None:
+    def _admit(self, member: "Membership") -> None:
         """Requests are judged by this membership from now on."""
         assert self._bridge is not None
         self._bridge.members = _members(member)
         self._inputs.rights.adopt(member.rights, member.commanding, member.validity)
 
-    def _adopt_list(self, member: Membership, *, is_anyone_out: bool) -> None:
+    def _adopt_list(self, member: "Membership", *, is_anyone_out: bool) -> None:
         """Applies a newer list of revoked members: to their requests at once, to their connections a little later."""
         self._admit(member)
         if is_anyone_out:
@@ -156,7 +170,9 @@ class OtherProcesses:
             self._cuts.add(cut)
             cut.add_done_callback(self._cuts.discard)
 
-    async def _cut_off(self, member: Membership) -> None:
+    async def _cut_off(self, member: "Membership") -> None:
+        from gloc3.network.spreading import PASSED_ON_S
+
         await asyncio.sleep(PASSED_ON_S)
         await self._reconnect(member)
 
@@ -180,5 +196,7 @@ class OtherProcesses:
         )
 
 
-def _members(member: Membership) -> BridgeMembers:
+def _members(member: "Membership") -> "BridgeMembers":
+    from gloc3.network.stations import BridgeMembers
+
     return BridgeMembers(member.file.roles, member.verifier())

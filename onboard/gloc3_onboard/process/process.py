@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from functools import partial
 from random import SystemRandom
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from gloc3.cli.narration import Narrator, is_journal, narrate
 from gloc3.clock import Clock, utc_now
@@ -17,7 +17,6 @@ from gloc3.exchange.base import Exchange
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.messages.envelope import Severity
 from gloc3.messages.readiness import SensorCondition
-from gloc3.network.file import Membership, read_network
 from gloc3.network.rights import Rights
 from gloc3.platform.places import ProcessPlace, choose_host, clock_host, rows_at
 from gloc3.platform.platform import Platform
@@ -26,7 +25,6 @@ from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.companion.acoustic_link import ModemSettings
 from gloc3_onboard.companion.cameras import cameras_of
-from gloc3_onboard.hosts.host_process import HostOptions, run_host
 from gloc3_onboard.hosts.other_processes import OtherProcesses
 from gloc3_onboard.hosts.shared import SharedExchange, alone, check_member, open_shared
 from gloc3_onboard.inputs import Attachment, Hosting, VehicleInputs, devices_of, open_sensors
@@ -40,6 +38,9 @@ from gloc3_onboard.sensors.registry import SourceHost, is_interactive, sensor_ki
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.service import SystemdService
 from gloc3_onboard.video.streams import VideoAddress, VideoStreams, read_address
+
+if TYPE_CHECKING:
+    from gloc3.network.file import Membership
 
 DEVICES: Final = (*HOST_DEVICES, *sensor_kinds(), *(f"*_{sensor}" for sensor in sensor_kinds()))
 """What this host has; installed packages bring more."""
@@ -65,7 +66,11 @@ async def run(options: ProcessOptions) -> int:
     if manager.is_there:
         faulthandler.enable()  # its watchdog ends us by SIGABRT: then the journal says where we hung
     host = choose_host(platform, options.host)
-    member = None if options.network is None else read_network(options.network, utc_now())
+    member = None
+    if options.network is not None:
+        from gloc3.network.file import read_network  # with all of its cryptography
+
+        member = read_network(options.network, utc_now())
     check_member(platform, host, member)
     if member is not None and (warning := member.expiry(utc_now())):
         narrate(f"onboard: {warning}", Severity.WARNING)
@@ -73,6 +78,8 @@ async def run(options: ProcessOptions) -> int:
         open_shared, platform, host, options.folder(platform), loop, partial(_report_failure, options), member
     )
     if host != clock_host(platform):
+        from gloc3_onboard.hosts.host_process import HostOptions, run_host
+
         share = HostOptions(
             platform=options.platform,
             logs=options.logs or options.folder(platform),
@@ -105,7 +112,7 @@ class OnboardProcess:
         platform: Platform,
         loop: asyncio.AbstractEventLoop,
         shared: SharedExchange | None = None,
-        member: Membership | None = None,
+        member: "Membership | None" = None,
     ) -> None:
         self._options, self._loop = options, loop
         shared = shared or alone()

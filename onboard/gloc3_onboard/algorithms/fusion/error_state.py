@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import Vector3
+from gloc3_onboard.algorithms.fusion.kalman import load_filter
 
 Matrix = NDArray[np.float64]
 
@@ -61,12 +62,10 @@ class ErrorState:
     """A covariance matrix with names for its parts."""
 
     def __init__(self) -> None:
-        from filterpy.kalman import predict, update
         from scipy.linalg.lapack import dposv
 
         self._solve: Callable[..., Any] = dposv
-        self._predict: Callable[..., Any] = predict
-        self._update: Callable[..., Any] = update
+        self._predict, self._update = load_filter()
         self.covariance: Matrix = np.eye(SIZE)
         self.clones: list[str] = []
         """Whose pose each clone is, in the order of the matrix."""

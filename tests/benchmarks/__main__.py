@@ -1,4 +1,7 @@
-"""`make bench`: what the parts cost on this machine. Costs are per cycle or per message; ratios compare machines."""
+"""`make bench`: what the parts cost on this machine, and against the commit that was measured last (`history`).
+
+Costs are per cycle or per message; ratios compare machines.
+"""
 
 import sys
 from collections.abc import Callable
@@ -8,6 +11,7 @@ from tests.benchmarks import (
     front_door,
     fusion,
     ground,
+    history,
     laser,
     network,
     parts,
@@ -20,6 +24,7 @@ from tests.benchmarks import (
 
 BENCHES: dict[str, Callable[[], list[str]]] = {
     "parts": parts.run,
+    "history": history.run,
     "turnaround": turnaround.run,
     "network": network.run,
     "front_door": front_door.run,

@@ -3,8 +3,9 @@
 import asyncio
 import io
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from random import Random
+from typing import Final
 
 from gloc3.clock import Clock, run_virtual
 from gloc3.component.component import DataProcessor
@@ -110,16 +111,20 @@ def records() -> int:
     return run_virtual(main())
 
 
+FIGURES: Final[Mapping[str, Callable[[], int]]] = {
+    "a hosted cycle with one output": cycles,
+    "local delivery to 2 subscribers": deliveries,
+    "a MAVLink message, encoded and decoded": frames,
+    "a pose in the log": records,
+}
+"""What is measured: each works, and returns how many it has done."""
+
+
 def run() -> list[str]:
     """The costs, and each as a multiple of a million steps of a plain Python loop's step."""
     unit = best_us(yardstick)
     lines = [f"a step of a plain Python loop            {unit * 1000:8.1f} ns"]
-    for name, work in (
-        ("a hosted cycle with one output", cycles),
-        ("local delivery to 2 subscribers", deliveries),
-        ("a MAVLink message, encoded and decoded", frames),
-        ("a pose in the log", records),
-    ):
+    for name, work in FIGURES.items():
         cost = best_us(work)
         lines.append(f"{name:<40} {cost:8.2f} us   {cost / unit:6.0f} steps")
     return lines

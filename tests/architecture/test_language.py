@@ -19,7 +19,7 @@ def test_the_sentences_that_were_judged_are_there_and_read_plainly() -> None:
 
 def test_a_sentence_that_is_gone_is_missed() -> None:
     gone = Drawn("README.md", "Nobody has ever written this sentence.")
-    there = Drawn("README.md", "before", after=next(sentences.of_pages()).text)
+    there = Drawn("README.md", "before", after=sentences.of_pages()[0].text)
     assert standing(Sample(1, "", [gone, there])) == [there]
 
 

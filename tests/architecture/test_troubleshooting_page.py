@@ -1,5 +1,7 @@
 """The page of messages and remedies is that of the source, and finds them in each of their forms."""
 
+import ast
+
 import pytest
 from tests.house.troubleshooting import PAGE, Remedy, page, remedies
 
@@ -23,7 +25,7 @@ def check(document, place, size):
 
 
 def test_messages_with_their_remedies_are_found_in_every_form() -> None:
-    assert set(remedies(SOURCE)) == {
+    assert set(remedies(ast.parse(SOURCE))) == {
         Remedy("… is too large", "make it smaller"),
         Remedy("it is too small", "make it larger"),
         Remedy("no file", "write …"),

@@ -4,6 +4,7 @@ import ast
 import random
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -28,6 +29,12 @@ class Sentence(NamedTuple):
     text: str
 
 
+def _once(kind: Callable[[], Iterator[Sentence]]) -> Callable[[], tuple[Sentence, ...]]:
+    """Finds sentences once a process, because that takes seconds."""
+    return cache(lambda: tuple(kind()))
+
+
+@_once
 def of_pages() -> Iterator[Sentence]:
     """Sentences of the README and of the docs that are written by hand, evidence aside."""
     pages = [page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "evidence" and page.name not in MADE]
@@ -36,6 +43,7 @@ def of_pages() -> Iterator[Sentence]:
             yield from _sentences(page, paragraph)
 
 
+@_once
 def of_help() -> Iterator[Sentence]:
     """Sentences of the docstrings and parameters from which the commands' help is made."""
     for module in read_modules(ROOT).values():
@@ -47,6 +55,7 @@ def of_help() -> Iterator[Sentence]:
                         yield from _sentences(ROOT / module.path, part)
 
 
+@_once
 def of_messages() -> Iterator[Sentence]:
     """Messages of errors, refusals, checks and findings, with their hints; `…` stands for what differs."""
     for module in read_modules(ROOT).values():
@@ -56,12 +65,12 @@ def of_messages() -> Iterator[Sentence]:
             if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)
             for argument in node.exc.args
         ]
-        texts += [part for row in troubleshooting.remedies(ast.unparse(module.tree)) for part in row]
+        texts += [part for row in troubleshooting.remedies(module.tree) for part in row]
         for text in texts:
             yield from _sentences(ROOT / module.path, text)
 
 
-KINDS: Final[tuple[tuple[Callable[[], Iterator[Sentence]], int], ...]] = (
+KINDS: Final[tuple[tuple[Callable[[], tuple[Sentence, ...]], int], ...]] = (
     (of_pages, 36),
     (of_help, 12),
     (of_messages, 12),

@@ -1,7 +1,7 @@
 """The page of messages and remedies: what a check or a finding says, and what to do, as the source says it."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -51,7 +51,7 @@ def page() -> str:
             module = ".".join(file.relative_to(ROOT / package).with_suffix("").parts)
             title = next((title for begin, title in CHAPTERS if f"{module}.".startswith(f"{begin}.")), None)
             if title is not None:
-                found[title].update(remedies(file.read_text(encoding="utf-8")))
+                found[title].update(remedies(ast.parse(file.read_text(encoding="utf-8"))))
     lines = [HEAD]
     for title, rows in found.items():
         if rows:
@@ -61,16 +61,16 @@ def page() -> str:
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def remedies(source: str) -> Iterator[Remedy]:
+def remedies(module: ast.Module) -> Iterator[Remedy]:
     """The checks and findings in a module that know a remedy."""
-    for function in ast.walk(ast.parse(source)):
+    for function in ast.walk(module):
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
-            assigned = _assigned(function)
-            for call in ast.walk(function):
-                if isinstance(call, ast.Call) and (parts := _parts(call)) is not None:
-                    title, message, hint = parts
-                    for says, do in _pairs(_texts(message, assigned, call.lineno), _texts(hint, assigned, call.lineno)):
-                        yield from _row(f"{said(title)}: {says}" if title is not None else says, do)
+            inside = list(ast.walk(function))
+            calls = [(one, parts) for one in inside if isinstance(one, ast.Call) and (parts := _parts(one)) is not None]
+            assigned = _assigned(inside) if calls else {}
+            for call, (title, message, hint) in calls:
+                for says, do in _pairs(_texts(message, assigned, call.lineno), _texts(hint, assigned, call.lineno)):
+                    yield from _row(f"{said(title)}: {says}" if title is not None else says, do)
 
 
 def _parts(call: ast.Call) -> tuple[ast.expr | None, ast.expr, ast.expr] | None:
@@ -101,10 +101,10 @@ def _pairs(says: list[str], do: list[str]) -> Iterator[tuple[str, str]]:
     yield from zip(says, do, strict=True) if len(says) == len(do) else ((says[-1], do[-1]),)
 
 
-def _assigned(function: ast.AST) -> dict[str, list[tuple[int, str]]]:
+def _assigned(nodes: Iterable[ast.AST]) -> dict[str, list[tuple[int, str]]]:
     """What local names are given, with the lines."""
     found: dict[str, list[tuple[int, str]]] = {}
-    for one in ast.walk(function):
+    for one in nodes:
         targets = one.targets if isinstance(one, ast.Assign) else []
         for target in targets:
             if isinstance(target, ast.Name) and isinstance(one, ast.Assign):

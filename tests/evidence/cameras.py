@@ -60,6 +60,7 @@ TESTS = [
     "tests/flight/test_gimbal_in_flight.py",
     "tests/onboard/companion/test_gimbal_through_the_onboard_process.py",
     "tests/onboard/video/test_video_streams.py",
+    "tests/onboard/video/test_video_poses.py",
     "tests/onboard/video/test_video_through_the_onboard_process.py",
 ]
 MEGAPIXELS = (4000, 3000)
@@ -272,9 +273,8 @@ BARS = (
         title="Pictures carry time, position and attitude, and other programs read them",
         claim="Pictures of a flight are in colour and carry time, position and attitude, which other programs read; "
         "MAVSDK and QGroundControl's sequence find and shoot the camera, and find and steer the gimbal; OpenCV reads the "
-        "video; missions point the gimbal and move servos, grippers, relays and winches. Nothing of this was tried on "
-        "hardware: no V4L2, GPIO or PWM device, no gripper or gimbal, and no photogrammetry program. The video has no "
-        "pose beside it.",
+        "video, and FFmpeg the poses beside it; missions point the gimbal and move servos, grippers, relays and winches. Nothing of this was tried on "
+        "hardware: no V4L2, GPIO or PWM device, no gripper or gimbal, and no photogrammetry program.",
         run=run,
     ),
 )

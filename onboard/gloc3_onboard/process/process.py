@@ -37,7 +37,7 @@ from gloc3_onboard.process.vitals import VitalSigns
 from gloc3_onboard.sensors.registry import SourceHost, is_interactive, sensor_kinds
 from gloc3_onboard.service.manager import ServiceManager
 from gloc3_onboard.service.service import SystemdService
-from gloc3_onboard.video.streams import VideoAddress, VideoStreams, read_address
+from gloc3_onboard.video.streams import StreamedCamera, VideoAddress, VideoSource, VideoStreams, read_address
 
 if TYPE_CHECKING:
     from gloc3.network.file import Membership
@@ -214,8 +214,14 @@ class OnboardProcess:
             self.narrate(Severity.WARNING, f"metrics on {address} are open to everyone who reaches it")
 
     async def _serve_video(self, address: VideoAddress) -> None:
-        names = [entry.name for entry in cameras_of(self.platform, lambda _: None, {})]
-        streams = VideoStreams(names, self.platform.platform, self.exchange, self._loop)
+        moving = {name for row in self.platform.components for name in (row.settings or {}).get("on_gimbal", ())}
+        entries = cameras_of(self.platform, self._sensors.rig.model, {})
+        cameras = [StreamedCamera(entry.name, entry.model, entry.name not in moving) for entry in entries]
+        names = [camera.name for camera in cameras]
+        clock = Clock(self._loop)
+        streams = VideoStreams(
+            cameras, VideoSource(self.platform.platform, self.exchange, self._loop, clock.utc_offset)
+        )
         self.vehicle.parts.add("video", streams, streams.close)
         await streams.open(address)
         self.narrate(Severity.INFO, f"video: {', '.join(map(address.url, names)) or 'this platform records no camera'}")

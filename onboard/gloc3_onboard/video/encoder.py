@@ -1,13 +1,18 @@
-"""Pictures as H.264 in RTP packets, by the encoder and the packetizer of FFmpeg (PyAV)."""
+"""Pictures as H.264 in RTP packets, alone or in MPEG-TS with their poses, by FFmpeg's encoder and muxers (PyAV)."""
 
+import struct
 from fractions import Fraction
-from typing import Any, Final
+from random import getrandbits
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from gloc3.messages.vehicle import Image
 
 PAYLOAD_TYPE: Final = 96
+TRANSPORT_TYPE: Final = 33
+"""MPEG-TS."""
+TRANSPORT_BYTES: Final = 7 * 188
 CLOCK_HZ: Final = 90_000
 PACKET_BYTES: Final = 1_400
 KEY_FRAME_S: Final = 1.0
@@ -17,6 +22,15 @@ _RATE_HZ: Final = 15
 """Assumed rate of pictures, for the encoder's budget; they may come at any."""
 _CONTROL: Final = range(200, 205)
 """Packet types of RTCP, which share the packetizer's output."""
+
+
+class EncodedPicture(NamedTuple):
+    """Packets of one picture."""
+
+    video: list[bytes]
+    """RTP and RTCP of H.264."""
+    transport: list[bytes]
+    """RTP of MPEG-TS with H.264 and KLV."""
 
 
 class VideoEncoder:
@@ -38,6 +52,10 @@ class VideoEncoder:
         stream.width, stream.height, stream.pix_fmt, stream.bit_rate = width, height, "yuv420p", BIT_RATE
         stream.codec_context.time_base = Fraction(1, CLOCK_HZ)
         stream.codec_context.gop_size = round(_RATE_HZ * KEY_FRAME_S)
+        self._packed = _TransportPackets()
+        self._transport: Any = self._av.open(self._packed, "w", format="mpegts", options={"flush_packets": "1"})
+        self._in_transport = self._transport.add_stream_from_template(stream)
+        self._poses = self._transport.add_data_stream("klv")
         self._last = -1
 
     def write(self, data: bytes) -> int:
@@ -45,12 +63,13 @@ class VideoEncoder:
         self._packets.append(bytes(data))
         return len(data)
 
-    def encode(self, image: Image, t_s: float, *, is_key: bool) -> list[bytes]:
-        """RTP and RTCP packets of one picture.
+    def encode(self, image: Image, t_s: float, pose: bytes = b"", *, is_key: bool) -> EncodedPicture:
+        """Packets of one picture.
 
         Args:
             image: in colour or grey.
             t_s: its time; earlier ones than the last are moved behind it.
+            pose: a KLV local set; empty if unknown.
             is_key: whether it must be decodable without earlier ones.
         """
         shape = (image.height, image.width)
@@ -66,15 +85,50 @@ class VideoEncoder:
         frame.pts, frame.time_base = self._last, Fraction(1, CLOCK_HZ)
         if is_key:
             frame.pict_type = self._av.video.frame.PictureType.I
+        if pose:
+            self._pack(pose, self._poses)
         for packet in self._stream.encode(frame):
+            self._pack(bytes(packet), self._in_transport, is_key=packet.is_keyframe)
             self._container.mux(packet)
         found, self._packets = self._packets, []
-        return found
+        return EncodedPicture(found, self._packed.packets(self._last))
+
+    def _pack(self, data: bytes, stream: Any, *, is_key: bool = True) -> None:
+        """Puts data of the current picture into the transport stream."""
+        packet = self._av.Packet(data)
+        packet.stream, packet.is_keyframe = stream, is_key
+        packet.pts = packet.dts = self._last
+        packet.time_base = Fraction(1, CLOCK_HZ)
+        self._transport.mux(packet)
 
     def close(self) -> None:
         """Frees the encoder."""
         self._container.close()
+        self._transport.close()
         self._packets.clear()
+
+
+class _TransportPackets:
+    """Takes a transport stream and gives RTP packets (RFC 2250)."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._sequence, self._source = getrandbits(16), getrandbits(32)
+
+    def write(self, data: bytes) -> int:
+        """Takes a piece of the stream, whole packets."""
+        self._data += data
+        return len(data)
+
+    def packets(self, timestamp: int) -> list[bytes]:
+        """RTP packets of what has come since the last time."""
+        found = []
+        for begin in range(0, len(self._data), TRANSPORT_BYTES):
+            self._sequence = self._sequence + 1 & 0xFFFF
+            head = struct.pack(">BBHII", 0x80, TRANSPORT_TYPE, self._sequence, timestamp & 0xFFFFFFFF, self._source)
+            found.append(head + self._data[begin : begin + TRANSPORT_BYTES])
+        self._data.clear()
+        return found
 
 
 def load_av() -> Any:

@@ -11,7 +11,7 @@ from secrets import token_hex
 from typing import Final, Protocol
 from urllib.parse import urlsplit
 
-from gloc3_onboard.video.encoder import PAYLOAD_TYPE, is_control
+from gloc3_onboard.video.encoder import is_control
 
 MOST_VIEWERS: Final = 8
 MOST_BYTES: Final = 8_192
@@ -34,6 +34,9 @@ _METHODS: Final = "OPTIONS, DESCRIBE, SETUP, PLAY, TEARDOWN, GET_PARAMETER"
 
 class Watchable(Protocol):
     """A camera's video."""
+
+    media: tuple[str, ...]
+    """Lines of its session description."""
 
     def watch(self, viewer: Callable[[list[bytes]], None]) -> Callable[[], None]:
         """Has the packets of each picture sent to a viewer, a whole picture first; returns a function that ends this."""
@@ -136,7 +139,9 @@ class _Viewer:
             case "DESCRIBE" | "SETUP" | "PLAY" if name not in self._videos:
                 return _answer(404, number)
             case "DESCRIBE":
-                return _answer(200, number, f"Content-Base: {url.rstrip('/')}/", body=_description(name))
+                return _answer(
+                    200, number, f"Content-Base: {url.rstrip('/')}/", body=_description(name, self._videos[name].media)
+                )
             case "SETUP":
                 return self._set_up(number, name, headers.get("transport", ""))
             case "PLAY":
@@ -177,7 +182,7 @@ def _answer(status: int, number: str, *headers: str, body: str = "") -> bytes:
     return ("\r\n".join((*lines, "", "")) + body).encode("latin-1")
 
 
-def _description(name: str) -> str:
+def _description(name: str, media: tuple[str, ...]) -> str:
     """Session description (RFC 8866); the sets of parameters come with each whole picture."""
     lines = (
         "v=0",
@@ -186,9 +191,7 @@ def _description(name: str) -> str:
         "c=IN IP4 0.0.0.0",
         "t=0 0",
         "a=control:*",
-        f"m=video 0 RTP/AVP {PAYLOAD_TYPE}",
-        f"a=rtpmap:{PAYLOAD_TYPE} H264/90000",
-        f"a=fmtp:{PAYLOAD_TYPE} packetization-mode=1",
+        *media,
         "a=control:video",
         "",
     )

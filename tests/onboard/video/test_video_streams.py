@@ -4,23 +4,41 @@ import asyncio
 import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from math import pi, radians
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gloc3.camera.model import CameraModel
 from gloc3.errors import Refused
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import LocalExchange
-from gloc3.messages.vehicle import Image
-from gloc3_onboard.video.streams import VideoAddress, VideoStreams, read_address
+from gloc3.messages.frames import from_euler
+from gloc3.messages.vehicle import Image, Pose
+from gloc3_onboard.video.streams import StreamedCamera, VideoAddress, VideoSource, VideoStreams, read_address
 
 av = pytest.importorskip("av")
 
 pytestmark = [pytest.mark.sockets]
 
 WIDTH, HEIGHT = 320, 240
+UTC_OFFSET_S = 1_700_000_000.0
+MODEL = CameraModel(
+    width=WIDTH,
+    height=HEIGHT,
+    focal_px=(160.0, 160.0),
+    center_px=(160.0, 120.0),
+    frd_from_rdf=from_euler(0.0, 0.0, pi / 2),
+)
+"""It looks down, with the top of its picture ahead."""
+POSE = Pose(
+    position_ned_m=(0.0, 0.0, -20.0),
+    velocity_ned_m_s=(0.0, 0.0, 0.0),
+    ned_from_frd=from_euler(radians(3.0), radians(-2.0), radians(160.0)),
+    origin_geo=(39.5528, 2.6285, 2.0),
+)
 Picture = NDArray[np.uint8]
 
 
@@ -51,6 +69,7 @@ class Scene:
             grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY).tobytes()
             bgr = pixels.tobytes() if is_coloured else b""
             image = Image(camera="ground", width=WIDTH, height=HEIGHT, data=grey, bgr=bgr)
+            self._publisher.publish("boat/pose", POSE, self.taken * 0.05)
             self._publisher.publish("boat/camera/down", image, self.taken * 0.05)
             self.taken += 1
             await asyncio.sleep(0.05)
@@ -59,7 +78,8 @@ class Scene:
 @asynccontextmanager
 async def serving(*, is_coloured: bool = True) -> AsyncIterator[Scene]:
     exchange = LocalExchange()
-    streams = VideoStreams(["ground"], "boat", exchange, asyncio.get_running_loop())
+    source = VideoSource("boat", exchange, asyncio.get_running_loop(), lambda: UTC_OFFSET_S)
+    streams = VideoStreams([StreamedCamera("ground", MODEL)], source)
     await streams.open(VideoAddress("127.0.0.1", 0))
     scene = Scene(exchange, streams)
     taking = asyncio.create_task(scene.take(is_coloured=is_coloured))
@@ -176,6 +196,6 @@ def test_an_address_that_stations_cannot_use_is_refused(text: str) -> None:
 
 async def test_a_port_that_is_taken_is_refused_with_the_reason() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        streams = VideoStreams([], "boat", LocalExchange(), asyncio.get_running_loop())
+        streams = VideoStreams([], VideoSource("boat", LocalExchange(), asyncio.get_running_loop()))
         with pytest.raises(Refused, match=r"--video 127\.0\.0\.1:\d+: .*in use"):
             await streams.open(VideoAddress("127.0.0.1", taken.getsockname()[1]))

@@ -95,9 +95,9 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     # drivers
     "driver": TopicRow(DriverState, 5.0),
     "autopilot_fence": TopicRow(FenceState, 1.0),
-    "gimbal": TopicRow(GimbalState, 5.0),
+    "gimbal": TopicRow(GimbalState, 5.0, is_inner=True),
     # the companion's gimbal manager, towards the driver, while a station points the gimbal by hand
-    "gimbal_demand": TopicRow(GimbalDemand, service=TopicService.CONTROL),
+    "gimbal_demand": TopicRow(GimbalDemand, service=TopicService.CONTROL, is_inner=True),
     # the command interface server, towards the components
     "motion/grant": TopicRow(MotionGrant, 5.0, service=TopicService.COMMAND),
     "motion_demand": TopicRow(VelocityDemand, service=TopicService.CONTROL),

@@ -5,6 +5,9 @@ Frames: *frd* is the body (x forward, y right, z down), *rdf* a camera (x right,
 sent as bytes, little endian, rows first.
 """
 
+import zlib
+from typing import Final
+
 from gloc3.messages.envelope import Message
 from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
 
@@ -34,6 +37,58 @@ class LaserScan(Message, frozen=True):
     """From the first beam to the last; the time of validity is that of the last."""
     is_valid: bool = True
     reason: str = ""
+
+
+CELL_UNKNOWN: Final = 0
+CELL_FREE: Final = 1
+CELL_OCCUPIED: Final = 2
+MOST_CELLS: Final = 64_000_000
+"""Cells of all layers of a map that is unpacked, at most."""
+
+
+class OccupancyMap(Message, frozen=True):
+    """What is free and what is occupied: a stack of level grids in the NED frame of the pose."""
+
+    corner_ne_m: tuple[float, float]
+    """North and east of the corner of the first cell: its least."""
+    cell_m: float
+    """Side of a cell."""
+    rows: int
+    """Cells from south to north."""
+    columns: int
+    """Cells from west to east."""
+    layer_m: float
+    """Thickness of a layer."""
+    levels: list[int]
+    """Numbers of the layers, the lowest first: number n is from n to n + 1 times `layer_m` above the frame's origin."""
+    cells: bytes
+    """Compressed with zlib: bytes of shape (layers, rows, columns), `CELL_UNKNOWN`, `CELL_FREE` or `CELL_OCCUPIED`."""
+    level: int = 0
+    """Number of the layer in which the vehicle is."""
+
+    def layers(self) -> list[bytes]:
+        """The states of each layer's cells, row by row.
+
+        Raises:
+            ValueError: there are not as many as the map has cells, or more than `MOST_CELLS`.
+        """
+        size = self.rows * self.columns
+        if min(self.rows, self.columns) < 0 or size * max(1, len(self.levels)) > MOST_CELLS:
+            raise ValueError(f"the map has {self.rows} rows and {self.columns} columns of cells")
+        unpacker = zlib.decompressobj()
+        try:
+            cells = unpacker.decompress(self.cells, max(1, size * len(self.levels) + 1))
+        except zlib.error as error:
+            raise ValueError(f"the cells of the map cannot be unpacked: {error}") from error
+        if len(cells) != size * len(self.levels):
+            raise ValueError(f"the map has {len(cells)} cells in place of {size * len(self.levels)}")
+        return [cells[number * size : (number + 1) * size] for number in range(len(self.levels))]
+
+    def layer_of_vehicle(self) -> bytes:
+        """The same of the layer nearest to the vehicle; empty for an empty map."""
+        layers = self.layers()
+        nearest = min(range(len(layers)), key=lambda number: abs(self.levels[number] - self.level), default=None)
+        return b"" if nearest is None else layers[nearest]
 
 
 class Features(Message, frozen=True):

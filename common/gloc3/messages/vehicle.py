@@ -326,6 +326,38 @@ class MotionLimits(Message, frozen=True):
     """The same, up and down."""
 
 
+class RouteWanted(Message, frozen=True):
+    """Request for a way around obstacles, repeated while its action runs."""
+
+    action_id: str
+    request: int
+    """Grows with each request for another way of the same action."""
+    down_m: float
+    """Height to fly at, as NED."""
+    goal_ne_m: tuple[float, float] | None = None
+    """Where to; None to explore."""
+    area_ne_m: tuple[tuple[float, float], ...] = ()
+    """Corners of the area to explore; empty for all that is inside the fence."""
+
+
+class PlannedRoute(Message, frozen=True):
+    """A way around obstacles, as an answer to a request and again whenever it changes."""
+
+    action_id: str
+    request: int
+    """That it answers."""
+    number: int = 0
+    """Grows with each way of an action."""
+    waypoints_ned_m: list[Vector3] = []
+    """From the vehicle to the goal; empty where there is no way, or nothing is left to explore."""
+    is_complete: bool = False
+    """Whether nothing is left to explore."""
+    progress: float = 0.0
+    """Share of the area that is known, 0 to 1."""
+    reason: str = ""
+    """Why there is no way, or what was found."""
+
+
 class GeoArea(msgspec.Struct, frozen=True, array_like=True):
     """One area of a geographic fence: a polygon, or a circle if there is a centre."""
 

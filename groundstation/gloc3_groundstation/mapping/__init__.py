@@ -3,4 +3,4 @@
 Pure geometry and histories: the screens draw them.
 """
 
-__all__ = ["ground", "handles", "history", "progress", "projection", "requested", "tracks"]
+__all__ = ["ground", "handles", "history", "occupied", "progress", "projection", "requested", "tracks"]

@@ -11,6 +11,7 @@ from gloc3.messages.command_interface import CiReply
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.hosts import HostNames, HostSummary
 from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.perception import OccupancyMap
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.summaries import (
     CiEvent,
@@ -261,6 +262,10 @@ def _obstacles(platform: PlatformSnapshot, message: ObstacleScan, now_s: float) 
     return replace(platform, obstacles=Timed(message, now_s))
 
 
+def _map(platform: PlatformSnapshot, message: OccupancyMap, now_s: float) -> PlatformSnapshot:
+    return replace(platform, map=Timed(message, now_s))
+
+
 def _mission(platform: PlatformSnapshot, message: MissionSummary, now_s: float) -> PlatformSnapshot:
     return replace(platform, mission=Timed(message, now_s))
 
@@ -312,6 +317,7 @@ _REDUCERS: Final[Mapping[type, Callable[[PlatformSnapshot, Any, float], Platform
     MotionSummary: _motion,
     SiteSummary: _site,
     ObstacleScan: _obstacles,
+    OccupancyMap: _map,
     TeleoperationState: _teleoperation,
     MissionSummary: _mission,
     ControlState: _control,

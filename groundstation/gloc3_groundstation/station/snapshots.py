@@ -10,6 +10,7 @@ from gloc3.exchange.acoustic import AcousticSummary
 from gloc3.messages.envelope import Kind, Message, Severity
 from gloc3.messages.hosts import HostLine, HostNames
 from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.perception import OccupancyMap
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.status_fields import ROW_FIELDS
 from gloc3.messages.summaries import (
@@ -263,6 +264,7 @@ class PlatformSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     teleoperation: Timed[TeleoperationState] | None = None
     """Its response to manual control."""
     obstacles: Timed[ObstacleScan] | None = None
+    map: Timed[OccupancyMap] | None = None
     mission: Timed[MissionSummary] | None = None
     silence: ReportedSilence | None = None
     contact: Timed[ContactSummary] | None = None

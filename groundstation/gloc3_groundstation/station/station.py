@@ -12,6 +12,7 @@ from gloc3.exchange.base import Exchange, Unsubscribe
 from gloc3.messages.command_interface import Control, ControlVerb, Elsewhere, Hello, Outcome, ReadReports
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.motion import MotionSummary
+from gloc3.messages.perception import OccupancyMap
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import CiEvent, ContactSummary, MissionSummary
 from gloc3.messages.vehicle import ObstacleScan
@@ -120,7 +121,7 @@ class Station:
         ]
         self._unsubscribes.append(exchange.subscribe("*/acoustic", self._receive_acoustic))
         self._unsubscribes.append(exchange.subscribe(region_topic("*"), self._receive_region))
-        self._unsubscribes.append(self.monitor.listen(self._receive_obstacles))
+        self._unsubscribes.append(self.monitor.listen(self._receive_watched))
 
     @property
     def id(self) -> str:
@@ -257,9 +258,9 @@ class Station:
         name, now_s = envelope.topic.partition("/")[0], self.now_s()
         self._change(reducers.by_sound(self.fleet, name, envelope.payload, now_s), now_s)
 
-    def _receive_obstacles(self, _: str, envelope: Envelope[Any]) -> None:
-        """Stores watched obstacles in the platform's snapshot, for the map."""
-        if isinstance(envelope.payload, ObstacleScan):
+    def _receive_watched(self, _: str, envelope: Envelope[Any]) -> None:
+        """Stores watched obstacles and the map of a vehicle in its snapshot, for the station's map."""
+        if isinstance(envelope.payload, ObstacleScan | OccupancyMap):
             now_s = self.now_s()
             self._change(reducers.receive(self.fleet, envelope, now_s), now_s)
 

@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import zlib
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +22,7 @@ from gloc3.log.foxglove.scene import stamped
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE
 from gloc3.messages.envelope import Event, Severity, Source
 from gloc3.messages.frames import from_euler
-from gloc3.messages.perception import LaserScan, SatelliteFix
+from gloc3.messages.perception import LaserScan, OccupancyMap, SatelliteFix
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import AutopilotPose, Image, MotionLimits, ObstacleScan, Pose
@@ -38,6 +39,12 @@ def limits(fence: Fence | None) -> MotionLimits:
     return MotionLimits(
         speed_m_s=1.0, climb_m_s=1.0, acceleration_m_s2=1.0, height_min_m=0.3, height_max_m=8.0, fence=fence
     )
+
+
+MAP = OccupancyMap(
+    corner_ne_m=(-1.0, 2.0), cell_m=0.5, rows=3, columns=2, layer_m=0.5, levels=[2, 3], level=2,
+    cells=zlib.compress(bytes([1, 2, 1, 0, 0, 1, 0, 2, 0, 0, 0, 0])),
+)  # fmt: skip
 
 
 def full_log() -> bytes:
@@ -67,6 +74,7 @@ def full_log() -> bytes:
         ("autopilot_pose", autopilot),
         ("laser", scan),
         ("obstacles", obstacles),
+        ("map", MAP),
         ("camera/front_left", Image(camera="front_left", width=3, height=2, data=bytes(range(6)))),
         ("satellites", SatelliteFix(place_geo=(39.5, 2.5, 3.0))),
         ("components/pose/event", Event(severity=Severity.ERROR, text="broken")),
@@ -97,7 +105,7 @@ def test_every_message_is_one_of_the_schema_of_its_channel() -> None:
         parsed(schema, values)
         seen.add(schema.removeprefix("foxglove."))
     assert seen == {
-        "CameraCalibration", "CompressedImage", "FrameTransforms", "LaserScan", "LocationFix", "Log", "PointCloud",
+        "CameraCalibration", "CompressedImage", "FrameTransforms", "Grid", "LaserScan", "LocationFix", "Log", "PointCloud",
         "PoseInFrame", "PosesInFrame", "SceneUpdate",
     }  # fmt: skip
 
@@ -122,6 +130,24 @@ def test_obstacles_are_a_cloud_of_points_and_spheres() -> None:
         one["spheres"] for _, _, values in shown("scene") for one in values["entities"] if "obstacles" in one["id"]
     ]
     assert spheres[0]["pose"]["position"] == {"x": 1.0, "y": 2.0, "z": -1.5}
+
+
+def test_a_map_is_a_grid_whose_columns_run_north_with_the_height_up_to_which_cells_are_occupied() -> None:
+    grid = parsed("foxglove.Grid", only("pelican/map"))
+    assert (grid.column_count, grid.row_stride, grid.cell_stride, grid.cell_size.x) == (3, 6, 2, 0.5)
+    assert (grid.pose.position.x, grid.pose.position.y, grid.pose.position.z) == (-1.0, 2.0, -1.25)
+    assert [(field.name, field.offset, field.type) for field in grid.fields] == [("occupancy", 0, 1), ("top_dm", 1, 1)]
+    assert list(grid.data[::2]) == [0, 0, 255, 100, 255, 0]
+    assert list(grid.data[1::2]) == [0, 0, 0, 20, 0, 0]
+
+
+def test_a_damaged_map_is_recorded_without_a_grid() -> None:
+    log = LogInMemory(TopicTable(TOPICS))
+    log.send("map", msgspec.structs.replace(MAP, cells=b"torn"), 1.0, POSE, "ned")
+    ((_, _, message),) = [
+        one for one in make_reader(io.BytesIO(log.close())).iter_messages() if one[1].topic == "pelican/map"
+    ]
+    assert "column_count" not in json.loads(message.data)
 
 
 def test_the_fence_is_shown_when_it_changes() -> None:
@@ -205,6 +231,7 @@ def test_the_layout_is_one_that_foxgloves_sdk_makes(tmp_path: Path) -> None:
             "scene": fl.BaseRendererSceneUpdateTopicSettings(visible=True),
             "pelican/pose": fl.BaseRendererPoseTopicSettings(visible=True),
             "pelican/obstacles": points(fl.BaseRendererPointCloudTopicSettings),
+            "pelican/map": fl.BaseRendererGridTopicSettings(visible=True),
             "pelican/laser": points(fl.BaseRendererLaserScanTopicSettings),
         },
         follow_tf="pelican/body",

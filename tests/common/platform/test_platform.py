@@ -107,13 +107,13 @@ def test_ports_settings_and_needs_are_checked_against_the_classes() -> None:
         "flight does not perform land (Steady performs no actions)",
         "flight does not perform hold (Steady performs no actions)",
         "flight does not perform return_home (Steady performs no actions)",
-        "unknown topic 'out'",
+        "unknown topic 'out' (did you mean 'route'?)",
         "Steady has no port 'outt' (did you mean 'out'?)",
         "unknown key 'gian' (did you mean 'gain'?)",
         "Steady cannot log 'lvel' (did you mean 'level'?)",
         "Steady has no input 'inn' (none is known)",
         "'out' is an output of pose already (bind 'out' to another topic, or say standby_for: pose)",
-        "unknown topic 'out'",
+        "unknown topic 'out' (did you mean 'route'?)",
     ]
 
 

@@ -12,7 +12,7 @@ LAYOUT_FILE: Final = "foxglove-layout.json"
 MOST_PICTURES: Final = 4
 """Image panels, at most."""
 
-SCENE_TOPICS: Final = ("pose", "obstacles", "laser")
+SCENE_TOPICS: Final = ("pose", "obstacles", "map", "laser")
 """Topics that the 3D panel can show, below the platform's name."""
 Element = dict[str, Any]
 

@@ -16,6 +16,7 @@ from gloc3.log.json_schema import Schema
 from gloc3.log.pictures import FORMAT as PICTURE_FORMAT
 from gloc3.messages.envelope import Envelope, Severity
 from gloc3.messages.frames import ENU_FROM_NED, IDENTITY, Quaternion, Vector3
+from gloc3.messages.perception import CELL_FREE, CELL_OCCUPIED
 
 MAP_FRAME: Final = "map"
 """The frame that Foxglove's 3D panel shows upright: x east, y north, z up."""
@@ -44,6 +45,12 @@ POSE: Final[Schema] = {
 NUMBERS: Final[Schema] = {"type": "array", "items": NUMBER}
 FLOAT32: Final = 7
 """Foxglove's number for that type of an element."""
+UINT8: Final = 1
+GRID_FIELDS: Final = ("occupancy", "top_dm")
+"""Of a map's cell: 0 for free, 100 for occupied, 255 for unknown; height up to which it is occupied, 0 where it is not."""
+_OCCUPANCY: Final = [255] * 256
+"""The first of these by the state of a cell."""
+_OCCUPANCY[CELL_FREE], _OCCUPANCY[CELL_OCCUPIED] = 0, 100
 FAR: Final = 1e30
 """Greatest coordinate that fits such an element."""
 _FIELD: Final[Schema] = {
@@ -151,6 +158,35 @@ def _obstacles(envelope: Envelope[Any]) -> dict[str, Any]:
     }
 
 
+def _grid(envelope: Envelope[Any]) -> dict[str, Any]:
+    """The layer of the vehicle, and how high each cell is occupied; nothing for a damaged map. North is x of the grid."""
+    import numpy as np
+
+    found = envelope.payload
+    try:
+        layers = found.layers()
+    except ValueError:
+        return {}
+    states = np.frombuffer(b"".join(layers), np.uint8).reshape(len(layers), found.rows, found.columns)
+    shown = np.zeros((found.columns, found.rows, 2), np.uint8)
+    nearest = np.frombuffer(found.layer_of_vehicle() or bytes(found.rows * found.columns), np.uint8)
+    shown[:, :, 0] = np.array(_OCCUPANCY, np.uint8)[nearest].reshape(found.rows, found.columns).T
+    for level, cells in zip(found.levels, states, strict=True):
+        top_dm = round(min(255.0, max(0.0, 10.0 * (level + 1) * found.layer_m)))
+        shown[:, :, 1][cells.T == CELL_OCCUPIED] = top_dm
+    north, east = found.corner_ne_m
+    return {
+        "frame_id": envelope.frame or NED_FRAME,
+        "pose": shown_pose((north, east, -(found.level + 0.5) * found.layer_m), IDENTITY),
+        "column_count": found.rows,
+        "cell_size": {"x": found.cell_m, "y": found.cell_m},
+        "row_stride": 2 * found.rows,
+        "cell_stride": 2,
+        "fields": [{"name": name, "offset": offset, "type": UINT8} for offset, name in enumerate(GRID_FIELDS)],
+        "data": shown.tobytes(),
+    }
+
+
 _POSE_PROPERTIES: Final = {
     "timestamp": TIME,
     "frame_id": TEXT,
@@ -222,6 +258,24 @@ VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
                 "data": {"type": "string", "contentEncoding": "base64"},
             },
             _obstacles,
+        ),
+    ),
+    (
+        frozenset({"corner_ne_m", "cell_m", "levels", "cells"}),
+        FoxgloveView(
+            "foxglove.Grid",
+            {
+                "timestamp": TIME,
+                "frame_id": TEXT,
+                "pose": POSE,
+                "column_count": INTEGER,
+                "cell_size": {"type": "object", "title": "foxglove.Vector2", "properties": {"x": NUMBER, "y": NUMBER}},
+                "row_stride": INTEGER,
+                "cell_stride": INTEGER,
+                "fields": {"type": "array", "items": _FIELD},
+                "data": {"type": "string", "contentEncoding": "base64"},
+            },
+            _grid,
         ),
     ),
     (frozenset({"place_geo"}), FoxgloveView("foxglove.LocationFix", _FIX_PROPERTIES, _satellite_fix)),

@@ -16,6 +16,7 @@ from gloc3.mission.checking.contingency_check import contingency_findings, path_
 from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures, estimate, together
 from gloc3.mission.checking.option_check import (
     acceptance_findings,
+    area_findings,
     guard_findings,
     plan_findings,
     unkept_findings,
@@ -214,6 +215,7 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     findings += plan_findings(mission, platform)
     findings += altitude_findings(mission, platform)
     findings += unkept_findings(mission, platform)
+    findings += area_findings(mission, circumstances.fence)
     findings += acceptance_findings(mission, platform)
     findings += contingency_findings(mission)
     for name, ready in mission.contingencies.items():
@@ -343,6 +345,7 @@ def _check_contingency(
     yield from plan_findings(part, platform)
     yield from altitude_findings(part, platform)
     yield from unkept_findings(part, platform)
+    yield from area_findings(part, None)
 
 
 def home_problem(mission: Mission, home_ned_m: Vector3) -> str:

@@ -9,6 +9,8 @@ from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.abilities import abilities, chooses_heading
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.conditions import QUANTITIES, Condition
+from gloc3.mission.model.exploring import ExploreOrder
+from gloc3.mission.model.fence import Fence
 from gloc3.mission.model.model import FLY_PLAN, Action, ItemFile, Mission, where_of
 from gloc3.mission.model.waypoint_options import given_options, options_of
 from gloc3.platform.platform import Platform
@@ -99,6 +101,23 @@ def acceptance_findings(mission: Mission, platform: Platform | None) -> Iterator
             )
             hint = f"set {kept_m:g} or more, or leave it out"
             yield document.finding((*where, "acceptance_m"), message, hint, is_warning=True)
+
+
+def area_findings(mission: Mission, fence: Fence | None) -> Iterator[Finding]:
+    """Explorations that no area and no fence limits.
+
+    Args:
+        mission: the mission.
+        fence: that of the loaded mission, where a single action beside it is checked.
+    """
+    document, fence = mission.document, mission.fence or fence
+    if document is None or (fence is not None and fence.area is not None):
+        return
+    for target, action in mission.actions().items():
+        if isinstance(action.order, ExploreOrder) and not action.order.area_ne_m:
+            where = (*where_of(target), action.capability)
+            message = "nothing says where to explore: it has no area, and the mission no geofence"
+            yield document.finding(where, message, "give it area_m (area in frame geo)", at_key=True)
 
 
 def kept_options(row: ComponentRow) -> frozenset[str]:

@@ -16,6 +16,7 @@ from gloc3.mission.checking.option_check import kept_options
 from gloc3.mission.formats.as_it_is import FlyFileOrder
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.arguments import FollowWaypointsOrder, LandOrder, ReturnHome
+from gloc3.mission.model.exploring import ExploreOrder
 from gloc3.mission.model.fence import TOLERANCE_M, Fence
 from gloc3.mission.model.legs import FlightLeg
 from gloc3.mission.model.model import FLY_PLAN, Action, Mission, where_of
@@ -85,7 +86,9 @@ def space_findings(
         place = place_of((*where_of(placed.target), action.capability), action, leg, document)
         if fence is not None:
             fence = fence if placed.is_end_known else Fence(ceiling_m=fence.ceiling_m)
-            found += _fence(leg, fence, limits, document, place, is_start_known=placed.is_start_known)
+            is_straight = not (isinstance(action.order, FollowWaypointsOrder) and action.order.plan)
+            is_start_known = placed.is_start_known and is_straight
+            found += _fence(leg, fence, limits, document, place, is_start_known=is_start_known)
         lands = isinstance(action.order, LandOrder) or (action.order.ends_flight and leg.waypoint is None)
         if limits is not None and not lands and leg.length_m > 0.0:
             found += _height(leg.end, home, limits, document, place)
@@ -120,7 +123,8 @@ def _late(mission: Mission, limits: Limits, document: Document) -> Iterator[Find
 
 def _speeds(mission: Mission, limits: Limits, document: Document) -> Iterator[Finding]:
     for target, action in mission.actions().items():
-        speed_m_s = action.order.speed_m_s if isinstance(action.order, FollowWaypointsOrder | ReturnHome) else None
+        kinds = FollowWaypointsOrder | ReturnHome | ExploreOrder
+        speed_m_s = action.order.speed_m_s if isinstance(action.order, kinds) else None
         if speed_m_s is not None and speed_m_s > limits.speed_m_s:
             message = f"{speed_m_s:g} m/s exceeds the platform's limit of {limits.speed_m_s:g} m/s"
             yield document.finding((*where_of(target), action.capability, "speed_m_s"), message, "fly slower")

@@ -18,13 +18,13 @@ from gloc3.mission.model.arguments import (
     Hold,
     Land,
     LookAt,
-    RecordImages,
     ReturnHome,
     TakeOff,
     Wait,
 )
 from gloc3.mission.model.model import GEO, AreaFile, GeofenceFile, Mission, where_of
 from gloc3.mission.model.patterns import Pattern
+from gloc3.mission.model.payload import RecordImages
 from gloc3.mission.model.placement import GeoPlacement, HeightAbove
 from gloc3.mission.model.structure import PartialOrder
 from gloc3.mission.model.waypoint_options import given_options, rest_s

@@ -7,6 +7,7 @@ __all__ = [
     "abilities",
     "arguments",
     "conditions",
+    "exploring",
     "fence",
     "legs",
     "messages",

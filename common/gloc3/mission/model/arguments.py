@@ -20,7 +20,7 @@ from gloc3.installed import installed_points
 from gloc3.messages.frames import Vector3
 from gloc3.mission.model.legs import TRANSITION_S, Budget, FlightLeg, climb, fly, fly_by_form
 from gloc3.mission.model.placement import Placement, written_for
-from gloc3.mission.model.waypoint_options import KeptWallDistance, WaypointOptions, rest_s, with_options
+from gloc3.mission.model.waypoint_options import KeptWallDistance, Planned, WaypointOptions, rest_s, with_options
 from gloc3.platform.limits import Limits
 
 Metres = Annotated[float, msgspec.Meta(ge=-100_000.0, le=100_000.0)]
@@ -33,7 +33,6 @@ GeoPosition = tuple[Latitude, Longitude, Height]
 """`[latitude, longitude, height]` in degrees and metres."""
 Speed = Annotated[float, msgspec.Meta(gt=0.0, le=50.0)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
-Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
 
 
 DEFAULT_SPEED_M_S: Final = 1.0
@@ -342,6 +341,8 @@ class FollowWaypointsOrder(WaypointOptions, Arguments, frozen=True, kw_only=True
     heading: HeadingOrder = HeadingOrder()
     wall_distance_m: KeptWallDistance = None
     """Keep so far from the wall ahead."""
+    plan: Planned = False
+    """Find a way around what is known, in place of the straight one."""
     between: tuple[int, ...] = ()
     """Indices of waypoints that are none of the mission, and follow the ground between two of them."""
 
@@ -420,36 +421,14 @@ class GoTo(_Flight, frozen=True, kw_only=True):
     """`[x, y, height]`, in a local frame."""
     position: GeoPosition | None = None
     """`[latitude, longitude, height]`, in frame geo."""
+    plan: Planned = False
+    """Find a way around what the map shows, and another one where something is in it; for vehicles with a scanner. The
+    estimate counts the straight way."""
 
     def order(self, placement: Placement) -> FollowWaypointsOrder:
         """The position in NED, as a path with one waypoint."""
         position = written_for(placement, self.position_m, self.position, "position")
         return self._order(None if position is None else (position,), placement, "position")
-
-
-class RecordImages(Arguments, frozen=True, kw_only=True):
-    """Take pictures by distance flown or by time, until it is ended or a number of them is taken."""
-
-    one_of = (("every_m", "every_s"),)
-    example = "{camera: ground, every_m: 0.5}"
-
-    camera: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
-    every_m: Distance | None = None
-    """A picture each time that the vehicle has moved so far."""
-    every_s: Annotated[float, msgspec.Meta(ge=0.02, le=3_600.0)] | None = None
-    """Interval between pictures."""
-    count: Annotated[int, msgspec.Meta(ge=1, le=100_000)] | None = None
-    """The action is done after this number of pictures; None to continue until it is ended."""
-
-    @property
-    def is_endless(self) -> bool:
-        """Without a count it is."""
-        return self.count is None
-
-    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
-        """Known with a count and a time between pictures."""
-        del start_ned_m, budget
-        return (self.count or 0) * (self.every_s or 0.0)
 
 
 class Wait(Arguments, frozen=True, kw_only=True):

@@ -34,6 +34,8 @@ FlownBy = Literal["companion", "autopilot"]
 FLY_PLAN: Final = "fly_plan"
 FLY_FILE: Final = "fly_file"
 """Capability of a platform whose autopilot can fly a path as a plan."""
+FIND_WAY: Final = "find_way"
+"""Capability of a platform that finds a way around obstacles."""
 Corners = Annotated[tuple[tuple[Metres, Metres], ...], msgspec.Meta(min_length=3, max_length=200)]
 GeoCorners = Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(min_length=3, max_length=200)]
 Radius = Annotated[float, msgspec.Meta(gt=0.0, le=100_000.0)]
@@ -311,10 +313,14 @@ class Action:
     options: ActionFile = field(default_factory=ActionFile)
     is_planned: bool = False
     """Whether the autopilot flies it as a plan."""
+    is_routed: bool = False
+    """Whether the platform finds a way around obstacles for it."""
 
     @property
     def ability(self) -> str:
         """The platform's capability by which it is done."""
+        if self.is_routed:
+            return FIND_WAY
         return FLY_PLAN if self.is_planned and self.capability != FLY_FILE else self.capability
 
     @property

@@ -70,8 +70,8 @@ class Arrive(Arguments, frozen=True, kw_only=True):
     moves = True
 
 
-class Pattern(Arguments, frozen=True, kw_only=True):
-    """What every pattern takes."""
+class AtSurveyHeight(Arguments, frozen=True, kw_only=True):
+    """What every action takes that moves at one height."""
 
     moves = True
 
@@ -79,21 +79,27 @@ class Pattern(Arguments, frozen=True, kw_only=True):
     """None: the platform's `survey_height_m`."""
     speed_m_s: Speed | None = None
     """None: the platform's `survey_speed_m_s`."""
-    acceptance_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)] | None = None
-    """A waypoint counts as passed within this distance; None: the platform's `survey_acceptance_m`."""
 
     def filled(self, limits: Limits | None) -> Arguments:
-        """With the platform's height, speed and acceptance where the mission says none."""
+        """With the platform's height and speed where the mission says none."""
         known = limits or Limits(height_min_m=-1.0, survey_height_m=0.0)
         height_m = self.height_m if self.height_m is not None else known.survey_height_m
         if height_m is None:
             raise Refused("height_m is missing, and the platform's file states no limits.survey_height_m")
-        return msgspec.structs.replace(
-            self,
-            height_m=height_m,
-            speed_m_s=self.speed_m_s or speed_of(limits),
-            acceptance_m=self.acceptance_m or known.survey_acceptance_m,
-        )
+        return msgspec.structs.replace(self, height_m=height_m, speed_m_s=self.speed_m_s or speed_of(limits))
+
+
+class Pattern(AtSurveyHeight, frozen=True, kw_only=True):
+    """What every pattern takes."""
+
+    acceptance_m: Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)] | None = None
+    """A waypoint counts as passed within this distance; None: the platform's `survey_acceptance_m`."""
+
+    def filled(self, limits: Limits | None) -> Arguments:
+        """With the platform's acceptance, too."""
+        known = limits or Limits()
+        acceptance_m = self.acceptance_m or known.survey_acceptance_m
+        return msgspec.structs.replace(AtSurveyHeight.filled(self, limits), acceptance_m=acceptance_m)
 
     def order(self, placement: Placement) -> FollowWaypointsOrder:
         """The waypoints in NED."""
@@ -420,4 +426,4 @@ def _to_and_fro(
 
 def height_is_known(placement: Placement, arguments: Arguments) -> bool:
     """Whether the platform's survey height, which counts from home, can be used as a height of the mission."""
-    return not (placement.counts_from_sea and isinstance(arguments, Pattern) and arguments.height_m is None)
+    return not (placement.counts_from_sea and isinstance(arguments, AtSurveyHeight) and arguments.height_m is None)

@@ -1,4 +1,4 @@
-"""Arguments of payload actions: servos, grippers, relays (lamps, pumps, magnets) and winches, by their names."""
+"""Arguments of payload actions: cameras, servos, grippers, relays (lamps, pumps, magnets) and winches, by their names."""
 
 from typing import Annotated, Literal
 
@@ -8,7 +8,33 @@ from gloc3.messages.frames import Vector3
 from gloc3.mission.model.arguments import Arguments
 from gloc3.mission.model.legs import Budget
 
+Distance = Annotated[float, msgspec.Meta(gt=0.0, le=1_000.0)]
 OutputName = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+
+
+class RecordImages(Arguments, frozen=True, kw_only=True):
+    """Take pictures by distance flown or by time, until it is ended or a number of them is taken."""
+
+    one_of = (("every_m", "every_s"),)
+    example = "{camera: ground, every_m: 0.5}"
+
+    camera: Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
+    every_m: Distance | None = None
+    """A picture each time that the vehicle has moved so far."""
+    every_s: Annotated[float, msgspec.Meta(ge=0.02, le=3_600.0)] | None = None
+    """Interval between pictures."""
+    count: Annotated[int, msgspec.Meta(ge=1, le=100_000)] | None = None
+    """The action is done after this number of pictures; None to continue until it is ended."""
+
+    @property
+    def is_endless(self) -> bool:
+        """Without a count it is."""
+        return self.count is None
+
+    def time_needed_s(self, start_ned_m: Vector3, budget: Budget) -> float:
+        """Known with a count and a time between pictures."""
+        del start_ned_m, budget
+        return (self.count or 0) * (self.every_s or 0.0)
 
 
 class SetServo(Arguments, frozen=True, kw_only=True):

@@ -42,6 +42,8 @@ WallDistance = Annotated[float, msgspec.Meta(ge=1.2, le=6.0)]
 """At least the distance that the limiter keeps from obstacles, at most the range in which a wall is searched."""
 KeptWallDistance = Annotated[WallDistance | None, WaypointOption("cannot keep a distance from a wall")]
 
+Planned = Annotated[bool, WaypointOption("cannot plan a way around obstacles")]
+
 CarriedBy = Annotated[Literal["wings", "rotors"] | None, WaypointOption("has no choice between wings and rotors")]
 
 S = TypeVar("S", bound=msgspec.Struct)

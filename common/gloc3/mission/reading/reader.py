@@ -17,6 +17,7 @@ from gloc3.mission.model.abilities import abilities, nameable
 from gloc3.mission.model.arguments import Arguments, FollowWaypointsOrder, argument_kinds
 from gloc3.mission.model.fence import Area, Fence, polygon_problem
 from gloc3.mission.model.model import (
+    FIND_WAY,
     FLY_PLAN,
     Action,
     ActionFile,
@@ -269,7 +270,8 @@ def _tasks(
                 is_planned = options.flown_by == "autopilot" and _may_be_planned(
                     action.order, surroundings.capabilities
                 )
-                actions[action_name] = replace(action, is_planned=is_planned)
+                is_routed = not is_planned and _may_be_routed(action.order, surroundings.capabilities)
+                actions[action_name] = replace(action, is_planned=is_planned, is_routed=is_routed)
         found.skeleton[name] = options
         found.read[name] = Task(name=name, actions=actions, options=options, is_elsewhere=is_elsewhere)
     return found
@@ -303,6 +305,12 @@ def _assigned(
 def _may_be_planned(order: Arguments, capabilities: Container[str] | None) -> bool:
     """Whether an order is flown as a plan on a platform with these capabilities (None: unknown)."""
     return isinstance(order, FollowWaypointsOrder) and capabilities is not None and FLY_PLAN in capabilities
+
+
+def _may_be_routed(order: Arguments, capabilities: Container[str] | None) -> bool:
+    """Whether a way is found for an order on a platform with these capabilities (None: unknown)."""
+    is_wanted = isinstance(order, FollowWaypointsOrder) and order.plan
+    return is_wanted and capabilities is not None and FIND_WAY in capabilities
 
 
 def _entries(node: YamlNode, key: str) -> Iterator[tuple[str, YamlNode]]:

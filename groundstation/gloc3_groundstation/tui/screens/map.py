@@ -33,7 +33,7 @@ from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
 from gloc3_groundstation.tui.widgets.panel import Panel
 
 VIEWER: Final = "map"
-OBSTACLES: Final = Want("obstacles", 2.0)
+WATCHED: Final = (Want("obstacles", 2.0), Want("map", 0.5))
 EYES_S: Final = 2.0
 """Time without a redraw after which a map counts as hidden, s."""
 STEP: Final = 0.125
@@ -46,7 +46,7 @@ class MapScreen(EditableMap):
     """Plan view and height profile."""
 
     HELP = f"""The requested path (dashed), the vehicles and their trails (each in its colour, with its name), the
-    fence, home, obstacles, and the 95 % ellipse of the position. The cross marks the setpoint.
+    fence, home, obstacles, what the vehicle's own map shows as occupied (dim), and the 95 % ellipse of the position. The cross marks the setpoint.
 
     The + in the middle is the cursor, and so is the mouse: its coordinates are below the map, with distance and
     bearing from the vehicle in view. The map fits everything until you move it; z fits it again.
@@ -84,12 +84,12 @@ class MapScreen(EditableMap):
                 yield Panel(id="signs", can_focus=False)
 
     def on_screen_suspend(self) -> None:
-        """Asks for no obstacles any more."""
+        """Asks for obstacles and map no more."""
         self.desk.station.monitor.unwatch(VIEWER)
 
     def show_view(self, view: StationView) -> None:
-        """Asks for the obstacles, and draws it."""
-        self._want_obstacles(view)
+        """Asks for obstacles and map, and draws it."""
+        self._watch(view)
         panel, profile = self.query_one("#map", CanvasPanel), self.query_one("#profile", CanvasPanel)
         width, height = panel.width, panel.size.height
         if width <= 0 or height <= 0:
@@ -151,16 +151,17 @@ class MapScreen(EditableMap):
 
     # --- what is seen ---
 
-    def _want_obstacles(self, view: StationView) -> None:
-        """Watches the scanner hits of the selected vehicle, if it has a scanner."""
+    def _watch(self, view: StationView) -> None:
+        """Watches the scanner hits and the map of the selected vehicle, if it has a scanner."""
         monitor, platform = self.desk.station.monitor, view.platform
         if platform is None or not platform.has_companion:
             monitor.unwatch(VIEWER)
             return
         monitor.unwatch(VIEWER, except_from=platform.name)
         monitor.list_topics(platform.name)
-        if any(entry.name == OBSTACLES.topic for entry in monitor.watches.entries(platform.name)):
-            monitor.watch(VIEWER, platform.name, [OBSTACLES], for_s=EYES_S)
+        there = {entry.name for entry in monitor.watches.entries(platform.name)}
+        if wanted := [want for want in WATCHED if want.topic in there]:
+            monitor.watch(VIEWER, platform.name, wanted, for_s=EYES_S)
 
     def _chart(self, view: StationView, width: int, height: int) -> Chart:
         if self._texts is None:

@@ -1,6 +1,6 @@
-"""Obstacles as points in the plane, and moving objects among them.
+"""Obstacles in the plane: those of one scan with what moves among them, the map of all scans, and ways in it.
 
-Built from scans, used by the limiter and the path follower.
+The limiter and the path follower use `obstacle_field` and `movers`; the map and the planner use the rest.
 """
 
-__all__ = ["movers", "obstacle_field"]
+__all__ = ["movers", "obstacle_field", "occupancy", "route_planner"]

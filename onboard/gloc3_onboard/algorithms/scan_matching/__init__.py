@@ -3,4 +3,4 @@
 `laser_odometer` is the estimator; the rest are its steps.
 """
 
-__all__ = ["laser_odometer", "planar", "scan_points"]
+__all__ = ["laser_odometer", "planar", "scan_placement", "scan_points"]

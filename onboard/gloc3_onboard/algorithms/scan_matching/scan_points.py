@@ -46,6 +46,8 @@ class ScanPoints(NamedTuple):
     """Angle from beam to beam."""
     size: int
     """How many beams the scan has."""
+    below_m: Array
+    """How far each point is below the body."""
 
 
 def ranges_of(scan: LaserScan) -> Array:
@@ -103,11 +105,11 @@ def points_of(scan: LaserScan, tilt: Tilt, mount: Mount, motion: Planar) -> Scan
     sr, cr, sp, cp = sin(tilt.roll_rad), cos(tilt.roll_rad), sin(tilt.pitch_rad), cos(tilt.pitch_rad)
     # Level: R_pitch R_roll of each point, the vertical left out; hits near the floor are dropped.
     level = np.column_stack((cp * forward + sp * (sr * right + cr * z), cr * right - sr * z))
+    below = cp * (sr * right + cr * z) - sp * forward
     if tilt.height_m is not None:
-        below = cp * (sr * right + cr * z) - sp * forward
         is_kept = tilt.height_m - below > FLOOR_M + FLOOR_SHARE * ranges
-        level, beams, ranges = level[is_kept], beams[is_kept], ranges[is_kept]
-    return ScanPoints(level, beams, ranges, abs(scan.angle_step_rad), size)
+        level, beams, ranges, below = level[is_kept], beams[is_kept], ranges[is_kept], below[is_kept]
+    return ScanPoints(level, beams, ranges, abs(scan.angle_step_rad), size, below)
 
 
 def _moved_back(forward: Array, right: Array, shares: Array, motion: Planar) -> tuple[Array, Array]:

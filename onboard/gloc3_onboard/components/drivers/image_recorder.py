@@ -17,7 +17,7 @@ from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Quaternion, Vector3, interpolate, slerp
 from gloc3.messages.vehicle import GimbalState, Image, ImageRecorded, Pose
-from gloc3.mission.model.arguments import RecordImages
+from gloc3.mission.model.payload import RecordImages
 from gloc3.mission.model.states import ActionState
 
 

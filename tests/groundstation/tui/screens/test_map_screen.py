@@ -1,5 +1,7 @@
 """The map in the terminal: keys and mouse move it, it follows calmly, and it draws no more than has changed."""
 
+import zlib
+
 import pytest
 from tests.groundstation.flown import Flight, flown_on_the_map
 from tests.groundstation.looked_at import TOPICS, Viewer
@@ -7,10 +9,11 @@ from tests.groundstation.scripted_platform import ScriptedPlatform
 from tests.groundstation.station_scene import Scene, scene
 
 from gloc3.messages.command_interface import ReadMission, Watch
+from gloc3.messages.perception import OccupancyMap
 from gloc3.messages.vehicle import ObstacleScan
 from gloc3.messages.watch import TopicEntry
 from gloc3_groundstation.mapping.projection import Projection
-from gloc3_groundstation.tui.screens.map import OBSTACLES, MapScreen
+from gloc3_groundstation.tui.screens.map import WATCHED, MapScreen
 from gloc3_groundstation.tui.widgets.canvas_panel import CanvasPanel
 
 pytestmark = pytest.mark.sockets
@@ -68,10 +71,11 @@ async def test_a_map_that_follows_stands_still_until_the_vehicle_is_far_from_its
         await here.wait(lambda: not shown_map(here)._is_following)
 
 
-async def test_obstacles_are_asked_for_only_while_the_map_is_shown_and_of_a_vehicle_that_has_them() -> None:
+async def test_obstacles_and_map_are_asked_for_only_while_the_map_is_shown_and_of_a_vehicle_that_has_them() -> None:
     async with scene(plan=None) as here:
         viewer = Viewer(here.exchange, here.platform)
-        here.platform.topics = [*TOPICS, TopicEntry("obstacles", "ObstacleScan", 5.0, "scanner")]
+        scanner = [("obstacles", "ObstacleScan", 5.0, "scanner"), ("map", "OccupancyMap", 1.0, "map")]
+        here.platform.topics = [*TOPICS, *(TopicEntry(*one) for one in scanner)]
         other = ScriptedPlatform(here.exchange, "stork", 8)
         other.topics = TOPICS
         flight = Flight(here)
@@ -80,9 +84,15 @@ async def test_obstacles_are_asked_for_only_while_the_map_is_shown_and_of_a_vehi
         await here.until("title", "heron")
         assert here.platform.watched == Watch()
         await here.go("4")
-        await here.wait(lambda: here.platform.watched.wants == [OBSTACLES])
+        await here.wait(lambda: here.platform.watched.wants == sorted(WATCHED, key=lambda want: want.topic))
         viewer.show("obstacles", ObstacleScan(points_ne_m=[(2.0, 2.0), (2.0, -2.0)]), 1.0)
         await here.wait(lambda: (heron := here.station.fleet.get("heron")) is not None and heron.obstacles is not None)
+        cells = zlib.compress(bytes([2]))
+        known = OccupancyMap(
+            corner_ne_m=(0.0, 0.0), cell_m=0.1, rows=1, columns=1, layer_m=0.5, levels=[0], cells=cells
+        )
+        viewer.show("map", known, 1.0)
+        await here.wait(lambda: (heron := here.station.fleet.get("heron")) is not None and heron.map is not None)
         await here.go("1")
         await here.wait(lambda: here.platform.watched == Watch())
         other.speak()

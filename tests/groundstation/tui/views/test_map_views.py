@@ -1,5 +1,6 @@
 """The map and the height profile, read as text: the fleet's past comes from a log that was recorded and read back."""
 
+import zlib
 from math import cos, pi, sin
 from pathlib import Path
 from random import Random
@@ -14,7 +15,9 @@ from gloc3.clock import Clock, VirtualLoop
 from gloc3.exchange import LocalExchange, Publisher
 from gloc3.log.reader import LogReader
 from gloc3.log.record import Recorder
+from gloc3.messages.envelope import Envelope, Source
 from gloc3.messages.motion import MotionSummary, SiteSummary
+from gloc3.messages.perception import CELL_OCCUPIED, OccupancyMap
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.summaries import MissionSummary
 from gloc3.messages.topics import TopicTable
@@ -125,6 +128,28 @@ def cells(lines: list[Line], tone: Tone) -> list[tuple[int, int]]:
 def cell_of(chart: Chart, north: float, east: float) -> tuple[int, int]:
     x, y = chart.projection.dot(north, east)
     return int(x // 2), int(y // 4)
+
+
+def test_the_map_of_a_vehicle_shows_what_is_occupied_at_its_height_and_a_damaged_one_nothing(seen: StationView) -> None:
+    states = np.zeros((2, 10, 40), np.uint8)
+    states[1, 5, :] = CELL_OCCUPIED
+    found = OccupancyMap(
+        corner_ne_m=(10.0, 0.0), cell_m=0.5, rows=10, columns=40, layer_m=0.5, levels=[3, 4], level=4,
+        cells=zlib.compress(states.tobytes()),
+    )  # fmt: skip
+
+    def dim(received: OccupancyMap) -> set[tuple[int, int]]:
+        fleet = reducers.receive(
+            seen.fleet, Envelope("heron/map", Source("heron", "map", 1), 0, 0.0, "ned", "", received), seen.now_s
+        )
+        chart = chart_of(seen._replace(fleet=fleet, platform=fleet.get("heron")))
+        return set(cells(drawn(chart._replace(projection=Projection(5.0, 10.0, 0.2, 0.0, 160, 96))), Tone.DIM))
+
+    chart = chart_of(seen)._replace(projection=Projection(5.0, 10.0, 0.2, 0.0, 160, 96))
+    added = dim(found) - dim(replace(found, level=0))
+    assert len(added) > 30
+    assert {row for _, row in added} == {cell_of(chart, 12.75, 5.0)[1]}
+    assert dim(replace(found, cells=b"torn")) == dim(replace(found, level=0))
 
 
 def test_a_played_back_scan_is_a_wall_where_it_stood(seen: StationView) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gloc3.mission.model.states import ENDED, ActionState
 from gloc3_groundstation.mapping.ground import CIRCLE, Ground, MapPlacement, Plane, heading_deg_of, outline, position_of
+from gloc3_groundstation.mapping.occupied import occupied_of
 from gloc3_groundstation.mapping.projection import Projection, length_text, round_length
 from gloc3_groundstation.mapping.requested import ActionPath, Requested
 from gloc3_groundstation.station import wording
@@ -73,6 +74,7 @@ def map_lines(chart: Chart, width: int, height: int) -> list[Line]:
     if chart.request is not None:
         _draw_fence(canvas, chart, chart.request, own)
         _draw_paths(canvas, chart, chart.request, own)
+    _draw_map(canvas, chart)
     _draw_obstacles(canvas, chart)
     for number, platform, place in chart.placed:
         _draw_trail(canvas, chart, number, platform, place)
@@ -214,6 +216,13 @@ def _rally_places(chart: Chart) -> list[tuple[float, float]]:
         plane.ned_from_geo(latitude, longitude, plane.origin.altitude_m)[:2]
         for latitude, longitude, _ in chart.rally or ()
     ]
+
+
+def _draw_map(canvas: CellCanvas, chart: Chart) -> None:
+    """What each vehicle's own map shows as occupied at its height."""
+    for _, platform, place in chart.placed:
+        if platform.map is not None:
+            canvas.points(chart.projection.dots(place.plane_of_ne(occupied_of(platform.map.value))), Tone.DIM)
 
 
 def _draw_obstacles(canvas: CellCanvas, chart: Chart) -> None:

@@ -1,0 +1,118 @@
+"""DP: a map of what is free and what is occupied, from the laser scanner and the pose."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from gloc3.component.component import DataProcessor
+from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.settings import Bounds
+from gloc3.messages.envelope import Envelope
+from gloc3.messages.neighbours import Neighbours
+from gloc3.messages.perception import LaserScan, OccupancyMap
+from gloc3.messages.vehicle import HeightAboveGround, Pose
+from gloc3_onboard.algorithms.mapping.occupancy import OccupancyStack
+from gloc3_onboard.algorithms.scan_matching.scan_placement import ScanPlacement, ScanPlacementSettings, place_scan
+from gloc3_onboard.algorithms.scan_matching.scan_points import fault_of, points_of
+
+UNCHANGED_S = 5.0
+"""A map that has not changed is reported this often."""
+
+
+class MapSettings(ScanPlacementSettings, frozen=True):
+    """Settings of the map."""
+
+    cell_m: Annotated[float, Bounds(0.05, 1.0)] = 0.1
+    """Side of a cell, in metres."""
+    layer_m: Annotated[float, Bounds(0.1, 5.0)] = 0.5
+    """Thickness of a layer, in metres: what is seen in one says nothing about the others."""
+    most_m: Annotated[float, Bounds(10.0, 200.0)] = 80.0
+    """Largest side of the map, in metres; what is beyond is not entered."""
+    most_layers: Annotated[int, Bounds(1, 40)] = 16
+    """Number of layers at most."""
+    range_m: Annotated[float, Bounds(1.0, 60.0)] = 10.0
+    """What is farther away is not entered, in metres."""
+    scan_period_s: Annotated[float, Bounds(0.0, 10.0)] = 0.2
+    """Least time from one scan that is entered to the next, in seconds."""
+    period_s: Annotated[float, Bounds(0.5, 60.0)] = 1.0
+    """Least time from one report to the next, in seconds."""
+    std_limit_m: Annotated[float, Bounds(0.01, 10.0)] = 0.25
+    """With a pose less certain than this (standard deviation to the side, in metres) nothing is entered."""
+    others_m: Annotated[float, Bounds(0.0, 10.0)] = 1.0
+    """What is so near to another vehicle, in metres, is that vehicle and not entered."""
+
+
+class MapProcessor(DataProcessor[MapSettings]):
+    """Enters scans into a map, while the pose is valid and certain, and reports the map at most once a second."""
+
+    loggable = ("scans", "left_out", "reason")
+
+    laser = Input(LaserScan)
+    pose = Input(Pose)
+    height = Input(HeightAboveGround)
+    neighbours = Input(Neighbours)
+    map = Output(OccupancyMap, frame="ned")
+
+    def __init__(self) -> None:
+        self.scans = self.left_out = 0
+        self.reason = ""
+        """Why the last scan was left out; empty if it was entered."""
+        self._entered_s = self._reported_s = -math.inf
+        self._last: OccupancyMap | None = None
+
+    def start(self) -> None:
+        """Begins an empty map."""
+        settings = self.settings
+        self._stack = OccupancyStack(settings.cell_m, settings.layer_m, settings.most_m, settings.most_layers)
+        self._entered_s = self._reported_s = -math.inf
+        self._last = None
+
+    def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
+        """Enters a new scan, and reports when it is due."""
+        pose = inbox.latest(self.pose)
+        for scan in inbox.new(self.laser):
+            if scan.t_s - self._entered_s < self.settings.scan_period_s - 1e-6:
+                continue
+            self.reason = self._enter(scan, pose, inbox)
+            self.scans += not self.reason
+            self.left_out += bool(self.reason)
+        if pose is None or now_s - self._reported_s < self.settings.period_s - 1e-6:
+            return []
+        found = self._stack.message(-pose.payload.position_ned_m[2])
+        if found == self._last and now_s - self._reported_s < UNCHANGED_S:
+            return []
+        self._last, self._reported_s = found, now_s
+        return [found]
+
+    def _enter(self, scan: Envelope[LaserScan], pose: Envelope[Pose] | None, inbox: Inbox) -> str:
+        """Enters a scan, or says why not."""
+        placed = place_scan(scan, pose, inbox.latest(self.height), self.settings)
+        if placed is None or pose is None:
+            return "there is no valid pose at the time of the scan"
+        std_m = max(pose.payload.position_std_m[:2])
+        if std_m > self.settings.std_limit_m:
+            return f"the pose is not certain enough: {std_m:.2f} m"
+        if fault := fault_of(scan.payload):
+            return fault
+        self._entered_s = scan.t_s
+        others = inbox.latest(self.neighbours)
+        vehicles = others.payload.vehicles if others is not None else []
+        self._stack.add_scan(
+            (*placed.pose[:2], -placed.height_m),
+            _hits_ned_m(scan.payload, placed, self.settings),
+            max(1, round(2.0 * math.pi / abs(scan.payload.angle_step_rad))),
+            self.settings.range_m,
+            [one.position_ned_m[:2] for one in vehicles],
+            self.settings.others_m,
+        )
+        return ""
+
+
+def _hits_ned_m(
+    scan: LaserScan, placed: ScanPlacement, settings: MapSettings
+) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    """What a scan has hit, without the floor, shape (n, 3)."""
+    points = points_of(scan, placed.tilt, settings.mount, placed.motion)
+    return np.column_stack((placed.pose.apply(points.points_m), points.below_m - placed.height_m))

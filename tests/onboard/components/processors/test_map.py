@@ -1,0 +1,144 @@
+"""The map that is built in flight: against the world's truth, and what is not entered."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from tests.onboard.algorithms.scan_matching.rays import Scanner, Wall, box
+from tests.onboard.messages import pose
+from tests.onboard.stage import Stage
+from tests.sitl.world.conftest import STANDING_HEIGHT_M, truth_of
+
+from gloc3.messages.frames import from_euler
+from gloc3.messages.neighbours import Neighbour, Neighbours
+from gloc3.messages.perception import CELL_FREE, CELL_OCCUPIED, CELL_UNKNOWN, OccupancyMap
+from gloc3.messages.vehicle import HeightAboveGround
+from gloc3_onboard.algorithms.mapping.known_space import cells_of
+from gloc3_onboard.algorithms.scan_matching.planar import Planar
+from gloc3_onboard.components.processors.map import MapProcessor, MapSettings
+from gloc3_sitl.world import World
+from gloc3_sitl.world.laser import LaserModel, LaserScanner
+
+ROOM = box(-4.0, -4.0, 8.0, 8.0)
+
+
+class Mapping:
+    """The processor on its stage, with a scanner in the middle of the body among upright walls."""
+
+    def __init__(self, walls: list[Wall], **settings: Any) -> None:
+        self.stage = Stage(MapProcessor(), MapSettings(**settings))
+        self.random = np.random.default_rng(3)
+        self.walls = walls
+        self.at = Planar()
+
+    def scan(self, times: int = 1, **others: Any) -> None:
+        for _ in range(times):
+            found = Scanner(self.walls, range_max_m=12.0).scan(self.at, self.random)
+            place = pose(self.at.x_m, self.at.y_m, 2.2, ned_from_frd=from_euler(0.0, 0.0, self.at.yaw_rad))
+            self.stage.step(0.2, **{"pose": place, "laser": found, **others})
+
+    @property
+    def last(self) -> OccupancyMap:
+        self.stage.step(1.1)
+        found = self.stage.last(OccupancyMap)
+        assert isinstance(found, OccupancyMap)
+        return found
+
+    def state(self, north: float, east: float) -> int:
+        found = self.last
+        row, column = (
+            math.floor((at - first) / found.cell_m) for at, first in zip((north, east), found.corner_ne_m, strict=True)
+        )
+        return found.layer_of_vehicle()[row * found.columns + column]
+
+
+def test_the_map_is_the_worlds_truth_at_every_height_that_was_flown() -> None:
+    """From four places in the hold, level and tilted: what is called free is free, what is occupied is where things are."""
+    world, mount = World.load("hold"), (0.0, 0.0, -0.08)
+    scanner = LaserScanner(world, LaserModel(position_frd_m=mount), seed=4)
+    stage = Stage(MapProcessor(), MapSettings(mount_frd_m=mount, range_m=20.0))
+    for number in range(48):
+        x, y = ((2.0, 2.0), (16.0, 2.0), (16.0, 8.0), (2.0, 8.0))[number % 4]
+        height_m, tilt = (1.0, 3.0)[number // 24], (0.05 * math.sin(number), 0.05 * math.cos(number), 0.3 * number)
+        place = pose(x, -y, height_m, ned_from_frd=from_euler(*tilt))
+        scan = scanner.scan(truth_of(world, (x, y, height_m), tilt, t_s=float(number)))
+        above = HeightAboveGround(height_m=height_m + STANDING_HEIGHT_M, is_valid=True)
+        stage.step(0.5, pose=place, laser=scan, height=above)
+    found = stage.last(OccupancyMap)
+    assert set(found.levels) >= {2, 6}
+    for level in (2, 6):
+        cells = cells_of(found)[found.levels.index(level)]
+        middle_m = (level + 0.5) * found.layer_m + STANDING_HEIGHT_M
+        for state, least_m, most_m in ((CELL_OCCUPIED, 0.0, 0.25), (CELL_FREE, 0.02, math.inf)):
+            rows, columns = np.nonzero(cells == state)
+            chosen = np.random.default_rng(level).permutation(len(rows))[:150]
+            north = found.corner_ne_m[0] + (rows[chosen] + 0.5) * found.cell_m
+            east = found.corner_ne_m[1] + (columns[chosen] + 0.5) * found.cell_m
+            gaps_m = [world.geometry.clearance_m((n, -e, middle_m), 0.0) for n, e in zip(north, east, strict=True)]
+            assert sum(least_m <= gap_m <= most_m for gap_m in gaps_m) >= 0.98 * len(gaps_m), (level, state)
+    flown = cells_of(found)[found.levels.index(2)]
+    assert np.count_nonzero(flown == CELL_FREE) * found.cell_m**2 > 250.0
+
+
+def test_a_box_that_appears_is_entered_within_two_seconds_and_one_that_goes_away_is_free_again() -> None:
+    mapping = Mapping(ROOM)
+    mapping.scan(10)
+    assert mapping.state(2.0, 0.0) == CELL_FREE
+    mapping.walls = [*ROOM, *box(2.0, -0.5, 1.0, 1.0)]
+    mapping.scan(8)
+    assert mapping.state(2.0, 0.0) == CELL_OCCUPIED
+    mapping.walls = ROOM
+    mapping.scan(40)
+    assert (mapping.state(2.0, 0.0), mapping.state(2.5, 0.0)) == (CELL_FREE, CELL_FREE)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({"is_valid": False}, "there is no valid pose at the time of the scan"),
+        ({"position_std_m": (0.1, 0.4, 0.1)}, "the pose is not certain enough: 0.40 m"),
+    ],
+)
+def test_cells_that_are_seen_with_a_bad_pose_are_not_entered(wrong: dict[str, Any], why: str) -> None:
+    mapping = Mapping(ROOM)
+    mapping.scan(5, pose=replace(pose(height=2.2), **wrong))
+    component = mapping.stage.component
+    assert isinstance(component, MapProcessor)
+    assert (component.scans, component.left_out, component.reason) == (0, 5, why)
+    assert mapping.last.levels == []
+    mapping.scan(5)
+    assert (component.scans, component.reason) == (5, "")
+
+
+def test_a_pose_that_is_late_and_a_damaged_scan_are_left_out() -> None:
+    mapping = Mapping(ROOM)
+    mapping.stage.put(0.0, pose=pose(height=2.2))
+    mapping.stage.step(0.5, laser=Scanner(ROOM).scan(Planar(), mapping.random))
+    damaged = replace(Scanner(ROOM).scan(Planar(), mapping.random), ranges_m=b"torn")
+    mapping.stage.step(0.5, pose=pose(height=2.2), laser=damaged)
+    assert getattr(mapping.stage.component, "left_out") == 2  # noqa: B009
+    assert mapping.last.levels == []
+
+
+def test_another_vehicle_is_not_entered() -> None:
+    there = Neighbour(name="stork", position_ned_m=(2.5, 0.0, -2.2), velocity_ned_m_s=(0.0, 0.0, 0.0), t_s=0.0)
+    for others, expected in (({}, CELL_OCCUPIED), ({"neighbours": Neighbours(vehicles=[there])}, CELL_UNKNOWN)):
+        mapping = Mapping([*ROOM, *box(2.25, -0.25, 0.5, 0.5)])
+        mapping.scan(10, **others)
+        assert mapping.state(2.25, 0.0) == expected
+        assert mapping.state(4.0, 3.0) == CELL_OCCUPIED
+
+
+def test_it_is_reported_once_a_second_less_often_unchanged_and_stays_within_its_bounds() -> None:
+    mapping = Mapping(box(-9.0, -9.0, 18.0, 18.0), most_m=10.0)
+    mapping.scan(25)  # 5 s
+    assert 4 <= len(mapping.stage.all(OccupancyMap)) <= 6
+    found = mapping.last
+    assert max(found.rows, found.columns) * found.cell_m <= 10.0
+    assert len(found.cells) < 20_000
+    before = len(mapping.stage.all(OccupancyMap))
+    for _ in range(100):
+        mapping.stage.step(0.1, pose=pose(height=2.2))
+    assert len(mapping.stage.all(OccupancyMap)) - before <= 2

@@ -9,6 +9,7 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.tool import COMPANION, Tool
 
+from gloc3.mavlink.codec import Encoder, Parser, message
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.messages.command_interface import Control, ControlVerb, Outcome
 from gloc3.messages.frames import to_euler
@@ -182,6 +183,20 @@ def test_a_station_finds_the_gimbal_takes_it_and_steers_it_by_hand(flight: Card)
     assert Tool(flight, system=249).command(PITCH_YAW, 0.0, 0.0) is CommandResult.DENIED
     assert tool.command(CONFIGURE, -3.0, -3.0, -1.0, -1.0, nan, nan, 154.0) is CommandResult.ACCEPTED
     flight.until(lambda: state(flight).owner == "", 1.0, "nobody")
+
+
+def test_the_simulated_gimbal_answers_those_who_look_for_gimbals_as_px4_does(flight: Card) -> None:
+    tool = begun(flight)
+    answers: list[int] = []
+    gimbal = flight.flight.gimbal
+    assert gimbal is not None
+    receive = flight.flight.simulator.attach(lambda data: answers.extend(f.message_id for f in Parser().receive(data)))
+    encoder = Encoder(1, 100)
+    for message_id in (259.0, 283.0):
+        receive(encoder.encode(message("COMMAND_LONG", command=REQUEST, param1=message_id)))
+        flight.wait(0.3)
+    assert 283 in answers
+    assert tool.command(REQUEST, 280.0) is CommandResult.ACCEPTED
 
 
 def test_an_action_takes_the_gimbal_from_a_station_that_can_have_it_back_afterwards(flight: Card) -> None:

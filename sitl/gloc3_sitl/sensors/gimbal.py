@@ -18,7 +18,7 @@ from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
-from gloc3.mavlink.services.interval import StreamScheduler
+from gloc3.mavlink.services.interval import REQUEST_MESSAGE, StreamScheduler
 from gloc3.messages.frames import Vector3, from_euler, to_euler, wrap_pi, yaw_of
 from gloc3_sitl.physics.truth import Truth
 
@@ -120,7 +120,7 @@ class SimulatedGimbal:
         self._moved_s = vehicle.now_s
         self._timer: Any = None
         own = Address(system, COMPONENT)
-        self._commands = MavCommandServer(own)
+        self._commands = MavCommandServer(own, serves=_serves)
         self._streams = StreamScheduler(
             own, {"GIMBAL_DEVICE_ATTITUDE_STATUS": ATTITUDE_HZ, "GIMBAL_DEVICE_INFORMATION": 0.0}
         )
@@ -167,9 +167,8 @@ class SimulatedGimbal:
             self._send(self._encoder.encode(message))
 
     def _answer(self, request: MavCommandRequest, now_s: float) -> None:
-        if request.target.component == COMPONENT:
-            result = self._streams.command(request, now_s)
-            self._commands.answer(request, CommandResult.UNSUPPORTED if result is None else result, now_s=now_s)
+        result = self._streams.command(request, now_s)
+        self._commands.answer(request, CommandResult.UNSUPPORTED if result is None else result, now_s=now_s)
 
     def _attitude(self, now_s: float, truth: Truth) -> MavlinkMessage:
         motion, vehicle_yaw = self.motion, yaw_of(truth.attitude_wxyz)
@@ -225,6 +224,12 @@ class _Targets(Microservice[None]):
             self._motion.point(pitch, yaw, is_from_north=is_from_north)
         elif isfinite(message.angular_velocity_y) and isfinite(message.angular_velocity_z):
             self._motion.turn(message.angular_velocity_y, message.angular_velocity_z)
+
+
+def _serves(request: MavCommandRequest) -> bool:
+    """Commands to the gimbal; of those to everybody the request for its information, by which PX4 looks for gimbals."""
+    is_search = request.command == REQUEST_MESSAGE and request.params[0] == codec.shape("GIMBAL_DEVICE_INFORMATION").id
+    return request.target.component == COMPONENT or is_search
 
 
 def _towards(angle: float, goal: float, duration_s: float, limits_deg: tuple[float, float]) -> float:

@@ -1,4 +1,4 @@
-"""`docs/reference/`: what is defined, from the code: commands, components, topics, messages, capabilities, invariants, MAVLink."""
+"""`docs/reference/`: what is defined, from the code: commands, components, topics, messages, states, events, files, MAVLink…"""
 
 import inspect
 import pkgutil
@@ -7,16 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-import gloc3
+from tests.house import events, file_formats, mavlink, state_tables
+from tests.house.table import plain, table
+
 import gloc3.messages as messages_package
-import gloc3_groundstation
-import gloc3_onboard
-import gloc3_sitl
 from gloc3.component.description import FieldLine, describe, fields_of, find_class, installed
 from gloc3.installed import installed_points
-from gloc3.mavlink.service import Microservice
 from gloc3.messages.envelope import Message
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.topics import TopicTable
@@ -26,12 +24,6 @@ from gloc3_sitl.proof.standard_invariants import STANDARD
 
 FOLDER: Final = Path(__file__).parents[2] / "docs" / "reference"
 MADE: Final = "This page is generated from the code by `make docs`; a test compares it.\n"
-PACKAGES: Final = {
-    "common": gloc3,
-    "onboard": gloc3_onboard,
-    "ground station": gloc3_groundstation,
-    "simulator": gloc3_sitl,
-}
 OWN: Final = "gloc3"
 """Beginning of our modules' names; packages that happen to be installed are left out."""
 GROUPS: Final[Mapping[str, str]] = {
@@ -61,8 +53,13 @@ def pages() -> dict[Path, str]:
         "topics": ("Topics", topics),
         "messages": ("Messages", messages),
         "capabilities": ("Capabilities", capabilities),
+        "states": ("State tables", state_tables.lines),
+        "events": ("Events and alerts", events.lines),
+        "mission-file": ("Fields of mission files", file_formats.mission),
+        "platform-file": ("Fields of platform files", file_formats.platform),
+        "station-lines": ("JSON lines of the station", file_formats.station_lines),
         "invariants": ("Invariants", invariants),
-        "mavlink": ("MAVLink messages", mavlink),
+        "mavlink": ("MAVLink messages and commands", mavlink.lines),
         "entry-points": ("Entry points", entries),
     }
     return {
@@ -81,7 +78,7 @@ def write() -> None:
 def commands() -> Iterator[str]:
     """Commands with their options, and exit codes."""
     yield "Exit codes of all commands: 0 done, 1 failed, 2 wrong use, 130 interrupted. `gloc3 station --headless` has more:\n"
-    yield from _table(("code", "outcome"), ((str(one.exit_code), one.value.replace("_", " ")) for one in RunOutcome))
+    yield from table(("code", "outcome"), ((str(one.exit_code), one.value.replace("_", " ")) for one in RunOutcome))
     for point in sorted(installed_points("gloc3.commands"), key=lambda point: point.name):
         if not point.value.startswith(OWN):
             continue
@@ -107,20 +104,20 @@ def _command_lines(text: str, name: str) -> Iterator[str]:
 
 def components() -> Iterator[str]:
     """Components with ports and settings."""
-    table = TopicTable.installed()
+    known = TopicTable.installed()
     for name, path in sorted((name, path) for name, path in installed().items() if path.startswith(OWN)):
-        found = describe(find_class(path), table)
+        found = describe(find_class(path), known)
         yield f"## {name}\n"
-        yield f"{found.kind.value}, `{found.class_path}`: {_plain(found.doc)}\n"
+        yield f"{found.kind.value}, `{found.class_path}`: {plain(found.doc)}\n"
         ports = [("input", port) for port in found.inputs] + [("output", port) for port in found.outputs]
         if ports:
             rows = (
                 (way, f"`{port.name}`", f"[{port.message}](messages.md#{port.message.lower()})", port.queue)
                 for way, port in ports
             )
-            yield from _table(("port", "name", "message", "keeps"), rows)
+            yield from table(("port", "name", "message", "keeps"), rows)
         if found.settings:
-            yield from _table(("setting", "type", "bounds", "default", "meaning"), map(_setting, found.settings))
+            yield from table(("setting", "type", "bounds", "default", "meaning"), map(_setting, found.settings))
 
 
 def topics() -> Iterator[str]:
@@ -136,16 +133,16 @@ def topics() -> Iterator[str]:
         )
         for name, row in TOPICS.items()
     )
-    yield from _table(("topic", "message", "rate", "travels as", "logged"), rows)
+    yield from table(("topic", "message", "rate", "travels as", "logged"), rows)
 
 
 def messages() -> Iterator[str]:
     """Message types with their fields."""
     for name, kind in sorted(_messages().items()):
         yield f"## {name}\n"
-        yield f"{_plain(inspect.getdoc(kind) or '')}\n"
+        yield f"{plain(inspect.getdoc(kind) or '')}\n"
         rows = ((f"`{field.name}`", f"`{field.type}`", _default(field), field.doc) for field in fields_of(kind))
-        yield from _table(("field", "type", "default", "meaning"), rows)
+        yield from table(("field", "type", "default", "meaning"), rows)
 
 
 def capabilities() -> Iterator[str]:
@@ -155,28 +152,15 @@ def capabilities() -> Iterator[str]:
         (name, kind) for name, kind in argument_kinds().items() if kind.__module__.startswith(OWN)
     ):
         yield f"## {name}\n"
-        yield f"{_plain(inspect.getdoc(kind) or '')}\n"
+        yield f"{plain(inspect.getdoc(kind) or '')}\n"
         fields = fields_of(kind)
         if fields:
-            yield from _table(("argument", "type", "bounds", "default", "meaning"), map(_setting, fields))
+            yield from table(("argument", "type", "bounds", "default", "meaning"), map(_setting, fields))
 
 
 def invariants() -> Iterator[str]:
     """What `gloc3 prove` judges flights by."""
-    yield from _table(("name", "what must hold"), ((f"`{one.name}`", one.sentence) for one in STANDARD))
-
-
-def mavlink() -> Iterator[str]:
-    """Messages that each side handles, by microservice."""
-    for title, package in PACKAGES.items():
-        rows = [
-            (f"`{kind.__module__}.{kind.__name__}`", ", ".join(sorted(kind.handles)))
-            for kind in _subclasses(package)
-            if kind.handles
-        ]
-        if rows:
-            yield f"## {title}\n"
-            yield from _table(("microservice", "messages"), sorted(rows))
+    yield from table(("name", "what must hold"), ((f"`{one.name}`", one.sentence) for one in STANDARD))
 
 
 def entries() -> Iterator[str]:
@@ -185,7 +169,7 @@ def entries() -> Iterator[str]:
     for group, what in GROUPS.items():
         own = sorted(point.name for point in entry_points(group=group) if point.value.startswith(OWN))
         rows.append((f"`{group}`", what, ", ".join(own)))
-    yield from _table(("group", "what it names", "GLOC3's own"), rows)
+    yield from table(("group", "what it names", "GLOC3's own"), rows)
 
 
 def _messages() -> dict[str, type[Message]]:
@@ -204,32 +188,9 @@ def _messages() -> dict[str, type[Message]]:
     }
 
 
-def _subclasses(package: Any) -> Iterator[type[Microservice[Any]]]:
-    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        if "mavlink" in module.name or "autopilot" in module.name or "services" in module.name:
-            loaded = import_module(module.name)
-            for kind in vars(loaded).values():
-                if isinstance(kind, type) and issubclass(kind, Microservice) and kind.__module__ == module.name:
-                    yield kind
-
-
 def _setting(field: FieldLine) -> Sequence[str]:
     return f"`{field.name}`", f"`{field.type}`", field.bounds, _default(field), field.doc
 
 
 def _default(field: FieldLine) -> str:
     return "required" if field.is_required else f"`{field.default!r}`"
-
-
-def _plain(text: str) -> str:
-    """The text before the arguments, on one line."""
-    return " ".join(re.split(r"\n\s*\n(?=Args:|Raises:)", text)[0].split())
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    yield f"| {' | '.join(head)} |"
-    yield f"| {' | '.join('---' for _ in head)} |"
-    for row in rows:
-        cells = [" ".join(cell.split()).replace("|", r"\|") for cell in row]
-        yield f"| {' | '.join(cells)} |"
-    yield ""

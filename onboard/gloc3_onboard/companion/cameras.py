@@ -19,7 +19,7 @@ from gloc3.mavlink.node import MavlinkComponent
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import MavCommandRequest, MavCommandServer
 from gloc3.mavlink.services.heartbeat import Heartbeat
-from gloc3.mavlink.services.interval import REQUEST_MESSAGE, StreamScheduler
+from gloc3.mavlink.services.interval import REQUEST_MESSAGE, STREAM_COMMANDS, StreamScheduler
 from gloc3.messages.command_interface import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Quaternion, multiply
@@ -49,6 +49,8 @@ _LEGACY: Final[Mapping[int, str]] = {
     2505: "VIDEO_STREAM_STATUS",
 }
 """Requests for a message by a command of its own, which QGroundControl still sends."""
+HANDLED: Final = frozenset({IMAGE_START, IMAGE_STOP, IMAGE_AGAIN, SET_MODE, *_LEGACY, *STREAM_COMMANDS})
+"""Numbers of the commands that are carried out; others are answered as unsupported."""
 _NEVER: Final[Mapping[int, str]] = {
     526: "the disk of the onboard computer is not formatted over MAVLink",
     529: "settings are those of the platform file",
@@ -312,16 +314,15 @@ class MavlinkCamera:
 
     def _run(self, request: MavCommandRequest, now_s: float) -> None:
         try:
-            found = self._queried(request, now_s)
-            if found is not None:
+            if request.command not in HANDLED:
+                reason = _NEVER.get(request.command, "not supported by the camera")
+                self._answer(request, CommandResult.UNSUPPORTED, reason)
+            elif (found := self._queried(request, now_s)) is not None:
                 self._answer(request, found, "it is not available")
             elif request.command == IMAGE_START:
                 self._start(request)
-            elif request.command == IMAGE_STOP:
-                self._stop(request)
             else:
-                reason = _NEVER.get(request.command, "not supported by the camera")
-                self._answer(request, CommandResult.UNSUPPORTED, reason)
+                self._stop(request)
         except NotInControl as refusal:
             self._answer(request, CommandResult.NOT_IN_CONTROL, str(refusal))
         except Refused as refusal:

@@ -12,8 +12,8 @@ from gloc3.mavlink.codec import enum_name
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.command_server import CancelServer, CommandCancel, MavCommandRequest, MavCommandServer
-from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, StreamScheduler
-from gloc3.mavlink.services.version import VersionServer
+from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL, STREAM_COMMANDS, StreamScheduler
+from gloc3.mavlink.services.version import REQUEST_AUTOPILOT_CAPABILITIES, VersionServer
 from gloc3.messages.command_interface import AnyBody, CiReply, Outcome, RequestAction, Steer, Verb
 from gloc3.mission.model.states import ActionState
 from gloc3_onboard.companion.operator_control import REQUEST_OPERATOR_CONTROL, OperatorControl
@@ -75,13 +75,6 @@ class Commands:
         self.server: Final = MavCommandServer(own, serves=lambda one: one.target == own and serves(one.sender))
         self.cancels: Final = CancelServer(own)
         self._running: list[_Running] = []
-        self._handlers: Final[Mapping[int, Callable[[MavCommandRequest], AnyBody]]] = {
-            20: self._return,
-            21: self._land,
-            193: self._pause_or_continue,
-            MISSION_START: self._start,
-            31010: self._abort,
-        }
         self._more: dict[int, Callable[[MavCommandRequest], None]] = {}
 
     def add(self, handlers: Mapping[int, Callable[[MavCommandRequest], None]]) -> None:
@@ -105,6 +98,10 @@ class Commands:
 
     def _run(self, request: MavCommandRequest, now_s: float) -> None:
         try:
+            if request.command not in HANDLED and request.command not in self._more:
+                reason = _NEVER.get(request.command, "not supported by the onboard computer")
+                self._answer(request, CommandResult.UNSUPPORTED, reason)
+                return
             result = self._answer_query(request, now_s)
             if result is not None:
                 self._answer(request, result, "" if result is CommandResult.ACCEPTED else "it is not available")
@@ -113,11 +110,8 @@ class Commands:
                 self._control.request(request, lambda found, reason: self._end(running, found, reason))
             elif request.command in self._more:
                 self._carry_out(request)
-            elif request.command in self._handlers:
-                self._act(request, self._handlers[request.command](request), now_s)
             else:
-                reason = _NEVER.get(request.command, "not supported by the onboard computer")
-                self._answer(request, CommandResult.UNSUPPORTED, reason)
+                self._act(request, _BODIES[request.command](self, request), now_s)
         except NotInControl as refusal:
             self._refuse(request, CommandResult.NOT_IN_CONTROL, str(refusal))
         except Refused as refusal:
@@ -231,6 +225,17 @@ class Commands:
         if not all(_is_unset(value) for value in request.params[4:6]):
             raise Refused("it lands where it is: leave the position at 0")
         return RequestAction(capability="land", author=_author(request))
+
+
+_BODIES: Final[Mapping[int, Callable[[Commands, MavCommandRequest], AnyBody]]] = {
+    20: Commands._return,
+    21: Commands._land,
+    193: Commands._pause_or_continue,
+    MISSION_START: Commands._start,
+    31010: Commands._abort,
+}
+HANDLED: Final = frozenset({*_BODIES, *STREAM_COMMANDS, REQUEST_AUTOPILOT_CAPABILITIES, REQUEST_OPERATOR_CONTROL})
+"""Numbers of the commands that are carried out; others are answered as unsupported."""
 
 
 def _author(request: MavCommandRequest) -> str:

@@ -11,7 +11,9 @@ FOLDER: Final = Path(__file__).parents[2] / "docs" / "schema"
 _REF: Final = "#/$defs/"
 _LINKS: Final = {"capability ": "capabilities.md", "settings of ": "components.md"}
 """Beginnings of the names of definitions that have a page of their own."""
-_LEFT_OUT: Final = ("Open", "whole ", "row of ", *_LINKS)
+_OPEN: Final = "Open"
+"""Beginning of the name of a definition whose values may be parameters."""
+_LEFT_OUT: Final = (_OPEN, "whole ", "row of ", *_LINKS)
 """Definitions that repeat others, with parameters or with all that is required."""
 _FORMS: Final[dict[str, str]] = {"string": "text", "integer": "whole number", "boolean": "`true` or `false`"}
 
@@ -97,6 +99,7 @@ def _kind(node: Node) -> str:
 
 
 def _link(name: str) -> str:
+    name = name.removeprefix(_OPEN)
     for begin, page in _LINKS.items():
         if name.startswith(begin):
             own = name.removeprefix(begin)

@@ -3,4 +3,4 @@
 Errors are findings with file, line, column and a hint, never a traceback.
 """
 
-__all__ = ["characters", "document", "document_edit", "json_schema", "schema", "yaml_nodes"]
+__all__ = ["characters", "document", "document_edit", "format_version", "json_schema", "schema", "yaml_nodes"]

@@ -47,10 +47,11 @@ def struct_schema(struct: type[msgspec.Struct], definitions: dict[str, Schema]) 
     return own
 
 
-def document(title: str, description: str, root: Schema, definitions: Mapping[str, Schema]) -> Schema:
-    """A whole schema file."""
+def document(urn: str, title: str, description: str, root: Schema, definitions: Mapping[str, Schema]) -> Schema:
+    """A whole schema file; `urn` is its `$id`."""
     return {
         "$schema": DIALECT,
+        "$id": urn,
         "title": title,
         "description": description,
         **root,

@@ -7,6 +7,7 @@ import msgspec
 
 from gloc3.camera.model import CameraModel
 from gloc3.component.deployment import ComponentRow, FaultPolicy
+from gloc3.documents.format_version import FormatVersion
 from gloc3.errors import Gloc3Error
 from gloc3.log.selection import TopicChoice
 from gloc3.messages.frames import GeoPoint, LocalFrame
@@ -103,6 +104,8 @@ class HostRow(PlatformRow, frozen=True, kw_only=True):
 class Platform(PlatformRow, frozen=True, kw_only=True):
     """A vehicle with everything known about it before it starts."""
 
+    format_version: FormatVersion = msgspec.field(default=1, name="gloc3")
+    """Version of the file's format; a newer one than this version of GLOC3 reads is refused."""
     platform: Name
     """Its name; the first part of all its topics."""
     vehicle: Vehicle

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from gloc3.documents import schema
 from gloc3.documents.document import Document, dump_rows, load_bytes, parse
+from gloc3.documents.format_version import check_format
 from gloc3.errors import Finding, InputError, NotFound, nearest
 from gloc3.platform.bases import completed, installed_platforms, platform_files
 from gloc3.platform.check import findings_of
@@ -159,7 +160,9 @@ def read_document(data: bytes | str, file: str) -> Document:
     Raises:
         InputError: it is not valid YAML, or a base cannot be used.
     """
-    return completed(parse(data, file))
+    written = parse(data, file)
+    check_format(written)
+    return completed(written)
 
 
 def whole_text(name: str) -> str:
@@ -196,6 +199,7 @@ def check_platform(
     Raises:
         InputError: with everything that is wrong in it.
     """
+    check_format(document)
     findings: list[Finding] = []
     platform = schema.check(document.root, Platform, document.file, findings)
     if platform is not None:

@@ -6,6 +6,7 @@ from typing import Any, Final, Literal
 
 from gloc3.component.component import Component
 from gloc3.component.description import find_class, installed
+from gloc3.documents.format_version import schema_id
 from gloc3.documents.json_schema import Schema, described, document, ref, struct_schema
 from gloc3.errors import Gloc3Error
 from gloc3.mission.model.arguments import argument_kinds
@@ -55,7 +56,7 @@ def platform_schema() -> Schema:
     names: Schema = {"anyOf": [{"enum": sorted(base_files())}, {"type": "string", "pattern": r"\.ya?ml$"}]}
     definitions["Platform"]["properties"][EXTENDS] = {"description": extends, **names}
     root |= {"if": {"required": [EXTENDS]}, "else": ref(WHOLE + "Platform")}
-    return document("GLOC3 platform", "A platform file of GLOC3.", root, definitions | whole)
+    return document(schema_id("platform"), "GLOC3 platform", "A platform file of GLOC3.", root, definitions | whole)
 
 
 def _row_of(name: str, component: type[Component[Any]], definitions: dict[str, Schema]) -> Schema:

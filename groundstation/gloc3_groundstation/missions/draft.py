@@ -5,6 +5,7 @@ from typing import Final
 
 import msgspec
 
+from gloc3.documents.format_version import KEY, VERSION
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.examples import example_missions, find_mission
@@ -21,13 +22,14 @@ SHOWN_MAX: Final = 200_000
 """Characters of a file that is no mission at all that are shown."""
 NEW_NAME: Final = "new mission"
 """What one that was never saved is called."""
-NEW: Final = """mission: new mission
+NEW: Final = f"""{KEY}: {VERSION}
+mission: new mission
 frame: geo
 tasks:
   fly:
     actions:
-      up: {take_off: {height_m: 2}}
-      down: {land: {}, after: [up]}
+      up: {{take_off: {{height_m: 2}}}}
+      down: {{land: {{}}, after: [up]}}
 """
 
 

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from gloc3.documents.format_version import schema_id
 from gloc3.documents.json_schema import Schema, document, ref, struct_schema
 from gloc3_groundstation.reporting.lines import KINDS, SCHEMA, EndLine, NarrationLine
 from gloc3_groundstation.reporting.outcomes import RunOutcome
@@ -32,4 +33,4 @@ def lines_schema() -> Schema:
             "required": list(fields),
         }
     choice: Schema = {"oneOf": [ref(f"line {kind}") for kind in KINDS]}
-    return document("GLOC3 station lines", DESCRIPTION, choice, definitions)
+    return document(schema_id("station-lines", SCHEMA), "GLOC3 station lines", DESCRIPTION, choice, definitions)

@@ -6,6 +6,7 @@ from math import inf
 from typing import Final, NamedTuple
 
 from gloc3.clock import Clock
+from gloc3.documents.format_version import KEY, VERSION
 from gloc3.errors import NoContact
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
@@ -205,6 +206,7 @@ def platform_text(found: Found, answers: Answers) -> str:
     acceleration = readings.get("acceleration_m_s2", Reading(kind.acceleration_m_s2, ASSUMED))
     lines = [
         f"# {answers.name}: made from its autopilot, {found.title}. Check it with: gloc3 platform check",
+        f"{KEY}: {VERSION}",
         f"platform: {answers.name}",
         _noted(f"extends: {kind.base}", "its capabilities and components; gloc3 platform show --full prints them"),
         _noted(vehicle, f"type: MAV_TYPE {found.mav_type}") if answers.type == found.type else vehicle,

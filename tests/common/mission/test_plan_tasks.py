@@ -183,7 +183,7 @@ def test_a_plan_becomes_such_a_mission_by_a_word(tmp_path: Path, capsys: pytest.
     target.parent.mkdir()
     assert app(["convert", str(plan), str(target), "--as-it-is"], result_action="return_value") == 0
     assert target.read_text() == (
-        "mission: field\nframe: geo\ntasks:\n  fly: {flown_by: autopilot, plan: ../field.waypoints}\n"
+        "gloc3: 1\nmission: field\nframe: geo\ntasks:\n  fly: {flown_by: autopilot, plan: ../field.waypoints}\n"
     )
     assert app(["check", str(target), "--platform", "pelican_rtk"], result_action="return_value") == 0
     assert "fit to fly" in capsys.readouterr().out

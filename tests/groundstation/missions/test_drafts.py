@@ -97,7 +97,7 @@ def test_a_plan_becomes_a_mission_and_goes_back_with_what_is_lost_told(tmp_path:
     file = tmp_path / "mast.plan"
     file.write_text(plan_text)
     draft = opened(str(file), known_platform("pelican_rtk"))
-    assert draft.text.startswith("mission: mast\n")
+    assert draft.text.startswith("gloc3: 1\nmission: mast\n")
     assert (draft.path, draft.made_of) == ("", str(file))
     assert [finding.message for finding in draft.left_out] == ["4 m/s is reduced to the platform's 3 m/s"]
     untouched, touched = draft.plan(), checked(edited(draft, draft.text + "# by hand\n"), None).plan()

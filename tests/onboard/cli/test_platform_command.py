@@ -129,6 +129,7 @@ def test_a_file_from_a_connected_autopilot_says_what_that_is_set_to(
         slow = tmp_path / "slow.yaml"
         assert run(["platform", "new", "--autopilot", url, "--file", str(slow), *ANSWERS, "--speed-m-s", "1"]) == 0
     written = file.read_text()
+    assert "\ngloc3: 1\nplatform: " in written, "the version of its format"
     assert [line for line in lines if line not in written] == [], written
     assert [line for line in told if line not in text] == [], text
     assert "assumed: --camera nothing" in text

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gloc3.documents.document import dump, load_bytes
+from gloc3.documents.format_version import STAMP
 from gloc3.errors import Finding, InputError
 from gloc3.messages.frames import LocalFrame
 from gloc3.mission.examples import find_mission
@@ -86,6 +87,7 @@ def as_it_is_text(path: Path, beside: Path) -> str:
     relative = os.path.relpath(path.absolute(), beside.absolute().parent)
     return dump(
         {
+            **STAMP,
             "mission": path.stem,
             "frame": GEO,
             "tasks": {"fly": {"flown_by": "autopilot", "plan": Path(relative).as_posix()}},

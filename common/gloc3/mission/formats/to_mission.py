@@ -9,6 +9,7 @@ from math import cos, hypot, radians
 from typing import Any, Final
 
 from gloc3.documents.document import dump
+from gloc3.documents.format_version import STAMP
 from gloc3.errors import Finding, InputError
 from gloc3.mission.formats.commands import command_name
 from gloc3.mission.formats.items import MULTIROTORS, FenceArea, ForeignPlan, MavItem
@@ -111,7 +112,7 @@ class _Converter:
         if self._flat:
             hint = "set them to 0 in the plan"
             self._warn(0, f"the heights of {self._flat} items are left out: the vehicle stays at height 0", hint)
-        written: dict[str, Any] = {"mission": self._name, "frame": "geo"}
+        written: dict[str, Any] = {**STAMP, "mission": self._name, "frame": "geo"}
         if self._height_above not in (None, HeightAbove.HOME):
             written["height_above"] = str(self._height_above)
         geofence = geofence_of(self._plan.fence, self._file, self._findings)

@@ -10,6 +10,7 @@ import msgspec
 from msgspec import structs
 
 from gloc3.documents.document import Document, Where
+from gloc3.documents.format_version import FormatVersion
 from gloc3.mission.model.arguments import Arguments, Latitude, Longitude, Metres, Seconds
 from gloc3.mission.model.conditions import Condition
 from gloc3.mission.model.fence import Fence
@@ -268,6 +269,8 @@ class DefinitionFile(_Part, frozen=True, kw_only=True):
 class LibraryFile(_Part, frozen=True, kw_only=True):
     """A file of definitions, for missions to include."""
 
+    format_version: FormatVersion = msgspec.field(default=1, name="gloc3")
+    """Version of the file's format; a newer one than this version of GLOC3 reads is refused."""
     about: str = ""
     define: dict[Name, DefinitionFile]
 
@@ -275,6 +278,8 @@ class LibraryFile(_Part, frozen=True, kw_only=True):
 class MissionFile(Policies, frozen=True, kw_only=True):
     """A mission as written."""
 
+    format_version: FormatVersion = msgspec.field(default=1, name="gloc3")
+    """Version of the file's format; a newer one than this version of GLOC3 reads is refused."""
     mission: Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
     """Its name."""
     frame: Annotated[str, msgspec.Meta(min_length=1, max_length=32)]

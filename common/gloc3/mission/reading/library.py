@@ -14,6 +14,7 @@ import yaml
 
 from gloc3.documents import schema
 from gloc3.documents.document import Document, Where, load_bytes, parse
+from gloc3.documents.format_version import KEY, check_format
 from gloc3.documents.yaml_nodes import LOADER
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.mission.model.model import LibraryFile
@@ -95,11 +96,12 @@ def library_documents(document: Document) -> list[Document]:
     for name, content in block.value.items():
         try:
             library = parse(str(content), str(folder / name))
+            check_format(library)
         except InputError as error:
             findings += error.findings
             continue
         if isinstance(library.value, dict):
-            unknown = {key: node for key, node in library.root.children.items() if key not in ("define", "about")}
+            unknown = {key: node for key, node in library.root.children.items() if key not in ("define", "about", KEY)}
             for key in unknown:
                 message, hint = f"a library has no key {key!r}", "its keys are define and about"
                 findings.append(library.finding((key,), message, hint, at_key=True))

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any, Final
 
+from gloc3.documents.format_version import schema_id
 from gloc3.documents.json_schema import Schema, described, document, or_null, ref, struct_schema
 from gloc3.mission.checking.checker import Circumstances
 from gloc3.mission.model.abilities import nameable
@@ -32,13 +33,14 @@ def mission_schema(platform: Platform | None = None) -> Schema:
     definitions["TaskFile"]["anyOf"] = [{"required": ["actions"]}, {"required": ["use"]}]
     _add_open(definitions)
     if platform is None:
-        return document("GLOC3 mission", "A mission file of GLOC3.", root, definitions)
+        return document(schema_id("mission"), "GLOC3 mission", "A mission file of GLOC3.", root, definitions)
     frames = [*platform.frames, GEO]
     written = definitions["MissionFile"]["properties"]["frame"]
     text = written.pop("description", "")
     definitions["MissionFile"]["properties"]["frame"] = {"description": text, "anyOf": [{"enum": frames}, written]}
     _free_other_platforms(definitions["TaskFile"], platform.platform)
-    return document("GLOC3 mission", f"A mission file of GLOC3 for {platform.platform}.", root, definitions)
+    urn = schema_id("mission", variant=platform.platform)
+    return document(urn, "GLOC3 mission", f"A mission file of GLOC3 for {platform.platform}.", root, definitions)
 
 
 def _add_action(definitions: dict[str, Schema], rows: Mapping[str, Capability]) -> None:

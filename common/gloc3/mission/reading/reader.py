@@ -9,6 +9,7 @@ from msgspec import structs
 from gloc3.documents import schema
 from gloc3.documents.characters import first_steering
 from gloc3.documents.document import Document, Where, load_bytes, parse
+from gloc3.documents.format_version import check_format
 from gloc3.documents.yaml_nodes import YamlNode
 from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame
@@ -166,12 +167,13 @@ def inspect_mission(data: bytes | str, file: str, surroundings: MissionReference
     """Reads as much of a mission as can be read.
 
     Raises:
-        InputError: it is not YAML, or no mapping.
+        InputError: it is not YAML, no mapping, or of a newer format.
     """
     document = parse(data, file)
     findings: list[Finding] = []
     if not isinstance(document.value, dict):
         raise InputError([document.finding((), "a mission file is a mapping", "begin with 'mission: NAME'")])
+    check_format(document)
     document = expanded(document, findings)
     written = schema.check(document.root, MissionFile, file, findings)
     findings += _name_findings(document)

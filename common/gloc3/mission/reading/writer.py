@@ -7,6 +7,7 @@ import msgspec
 from msgspec import structs
 
 from gloc3.documents.document import dump
+from gloc3.documents.format_version import STAMP
 from gloc3.mission.model.model import Action, Contingency, Mission, Policies, Task, answer
 from gloc3.mission.model.placement import HeightAbove
 from gloc3.mission.model.policy import Policy
@@ -14,7 +15,7 @@ from gloc3.mission.model.policy import Policy
 
 def write_mission(mission: Mission) -> str:
     """The text of a mission file; default values are left out."""
-    written: dict[str, Any] = {"mission": mission.name, "frame": mission.frame}
+    written: dict[str, Any] = {**STAMP, "mission": mission.name, "frame": mission.frame}
     if mission.platform is not None:
         written["platform"] = mission.platform
     if mission.height_above is not HeightAbove.HOME:

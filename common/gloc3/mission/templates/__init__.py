@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Final
 
+from gloc3.documents.format_version import KEY, VERSION
 from gloc3.errors import Refused, nearest
 from gloc3.mission.model.abilities import chooses_heading
 from gloc3.platform.platform import Platform
@@ -56,6 +57,8 @@ def mission_from(template: str, platform: Platform, schema: str) -> str:
     lines = text.replace(FRAME, next(iter(platform.frames))).replace(SPACING, f"{spacing_m:g}").splitlines()
     if (camera := _camera(platform)) is None:
         lines = [line for line in lines if CAMERA not in line]
+    first = next(number for number, line in enumerate(lines) if line.startswith("mission:"))
+    lines.insert(first, f"{KEY}: {VERSION}")
     made = "\n".join(lines).replace(CAMERA, camera or "") + "\n"
     return f"# yaml-language-server: $schema={schema}\n{made}"
 

@@ -97,7 +97,7 @@ def test_who_is_told_twice_leaves_the_landing_to_the_autopilot(flight: Card) -> 
         await onboard.stop()
 
     flight.run(twice())
-    assert ending.reported[-1] == "leaves the vehicle in the air: told to"
+    assert ending.reported[-1] == "leaves the vehicle in the air: a second stop signal"
     assert flight.autopilot.is_armed
     assert flight.received["autopilot"][-1].payload.mode is FlightMode.LAND
     assert flight.height_m > 0.5

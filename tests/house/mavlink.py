@@ -24,7 +24,11 @@ SIDES: Final = {
     "Common services": ("common/gloc3",),
     "The onboard computer": ("onboard/gloc3_onboard",),
     "The ground station": ("groundstation/gloc3_groundstation",),
-    "The embedded autopilot and simulated devices": ("sitl/gloc3_sitl/autopilot", "sitl/gloc3_sitl/sensors", "sitl/gloc3_sitl/vehicles"),
+    "The embedded autopilot and simulated devices": (
+        "sitl/gloc3_sitl/autopilot",
+        "sitl/gloc3_sitl/sensors",
+        "sitl/gloc3_sitl/vehicles",
+    ),
 }
 TABLES: Final[Mapping[str, Collection[str]]] = {
     "gloc3_sitl.autopilot.mavlink.listeners": LISTENERS,

@@ -269,7 +269,7 @@ class HostedComponent:
         """Gives the reserve back, and tells once how large the process is."""
         memory = self._context.memory
         if memory is not None and memory.release():
-            self.event(Severity.CRITICAL, f"{memory.text()}; components that run into it start anew, by their policies")
+            self.event(Severity.CRITICAL, f"{memory.text()}; components that fail by it restart by their policies")
         return OUT_OF_MEMORY
 
     def _clean_up(self, methods: list[str], *, is_let_go: bool = False) -> None:

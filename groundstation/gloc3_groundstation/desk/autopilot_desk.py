@@ -14,8 +14,8 @@ from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 
 BY_ITSELF: Final = (
-    "its onboard process is silent: this goes to the autopilot itself; when the process is back, it is told whose "
-    "command it was, and the mission stays paused until it is resumed"
+    "its onboard process is silent: this goes to the autopilot itself; when the process is back, the station "
+    "reports whose command it was, and the mission stays paused until it is resumed"
 )
 EMERGENCIES: Final = {
     EmergencyVerb.HOLD: Action.HOLD,

@@ -90,7 +90,7 @@ class Departure:
             now_s = self._loop.time()
             down_s = now_s if self._is_flying else down_s
             if give_up.is_set() or now_s > end_s or now_s - down_s > DISARMS_S:
-                reason = "told to" if give_up.is_set() else f"it has not landed within {LONGEST_S:g} s"
+                reason = "a second stop signal" if give_up.is_set() else f"it has not landed within {LONGEST_S:g} s"
                 break
             self._extend(EXTEND_S)
             await asyncio.sleep(POLL_PERIOD_S)

@@ -2,7 +2,7 @@
 
 import json
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterable
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Final
@@ -57,11 +57,15 @@ class PictureFolder:
             self._begun.append(future)
             future.add_done_callback(lambda _: self._bell.ring())
 
-    def written(self) -> list[RecordedPicture]:
-        """The pictures that have been written since the last call, in their order; raises `OSError` where that fails."""
+    def written(self, cameras: Container[str]) -> list[RecordedPicture]:
+        """The pictures of some cameras that have been written since the last call, in their order.
+
+        Raises:
+            OSError: a picture could not be written.
+        """
         while self._begun and self._begun[0].done():
             self._written.append(self._begun.popleft().result())
-        found, self._written = self._written, []
+        found, self._written = _divided(self._written, cameras)
         return found
 
     def on_written(self, ready: Callable[[], None]) -> Unwatch:
@@ -129,11 +133,22 @@ class NoPictures:
         self._written.append(picture)
         self._bell.ring()
 
-    def written(self) -> list[RecordedPicture]:
-        """The pictures since the last call."""
-        found, self._written = self._written, []
+    def written(self, cameras: Container[str]) -> list[RecordedPicture]:
+        """The pictures of some cameras since the last call."""
+        found, self._written = _divided(self._written, cameras)
         return found
 
     def on_written(self, ready: Callable[[], None]) -> Unwatch:
         """Has `ready` called when a picture has been counted."""
         return self._bell.listen(ready)
+
+
+def _divided(
+    pictures: Iterable[RecordedPicture], cameras: Container[str]
+) -> tuple[list[RecordedPicture], list[RecordedPicture]]:
+    """Pictures of some cameras, and those of others."""
+    found: list[RecordedPicture] = []
+    others: list[RecordedPicture] = []
+    for picture in pictures:
+        (found if picture.image.camera in cameras else others).append(picture)
+    return found, others

@@ -38,8 +38,12 @@ def test_pictures_are_real_files_with_their_poses_beside_them(tmp_path: Path) ->
     assert [tag["file"] for tag in tags] == ["ground-00001.png", "ground-00002.png", "front-00001.png"]
     assert tags[0]["position_ned_m"] == [1.0, 2.0, -3.0]
     assert not list((tmp_path / "images").glob("*.part"))
-    assert [each.file for each in folder.written()] == ["ground-00001.png", "ground-00002.png", "front-00001.png"]
-    assert folder.written() == []
+    assert [each.file for each in folder.written({"ground", "front"})] == [
+        "ground-00001.png",
+        "ground-00002.png",
+        "front-00001.png",
+    ]
+    assert folder.written({"ground"}) == []
 
 
 def test_pictures_carry_the_calibration_and_the_time(tmp_path: Path) -> None:
@@ -66,16 +70,16 @@ def test_a_thread_writes_and_the_caller_does_not_wait(tmp_path: Path) -> None:
         folder = PictureFolder(tmp_path / "images", worker=worker)
         folder.on_written(bell.set)
         folder.write(picture(1))
-        assert folder.written() == []
+        assert folder.written({"ground"}) == []
         gate.set()
         assert bell.wait(10.0)
-        assert [each.file for each in folder.written()] == ["ground-00001.png"]
+        assert [each.file for each in folder.written({"ground"})] == ["ground-00001.png"]
         (tmp_path / "images" / "ground-00002.png.part").mkdir()
         bell.clear()
         folder.write(picture(2))
         assert bell.wait(10.0)
         with pytest.raises(OSError, match="directory"):
-            folder.written()
+            folder.written({"ground"})
 
 
 def test_the_numbers_that_are_taken_are_known(tmp_path: Path) -> None:

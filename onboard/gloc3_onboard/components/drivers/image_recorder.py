@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from enum import StrEnum
 from typing import Annotated, ClassVar, Final, NamedTuple, Protocol
 
@@ -49,8 +49,12 @@ class PictureStore(Protocol):
     def write(self, picture: RecordedPicture) -> None:
         """Begins to write a picture with its pose."""
 
-    def written(self) -> list[RecordedPicture]:
-        """The pictures that have been written since the last call, in their order; raises `OSError` where that fails."""
+    def written(self, cameras: Container[str]) -> list[RecordedPicture]:
+        """The pictures of some cameras that have been written since the last call, in their order.
+
+        Raises:
+            OSError: a picture could not be written.
+        """
 
     def on_written(self, ready: Callable[[], None]) -> Callable[[], None]:
         """Has `ready` called, from any thread, when a picture has been written; returns a function that ends this."""
@@ -169,7 +173,7 @@ class ImageRecorder(ActionPerformer, ActuatorDriver[RecorderSettings]):
     def _reports(self, now_s: float) -> list[Result]:
         """Reports what has been written, and counts it for its action."""
         results: list[Result] = []
-        for picture in self._store.written():
+        for picture in self._store.written(self._numbers):
             self.waiting = max(0, self.waiting - 1)
             camera, _, number = picture.file.partition(".")[0].rpartition("-")
             recorded = ImageRecorded(

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Container
 from typing import Any
 
 import pytest
@@ -42,10 +43,10 @@ class Shelf(NoPictures):
         super().write(picture)
         self.pictures.append(picture)
 
-    def written(self) -> list[RecordedPicture]:
+    def written(self, cameras: Container[str]) -> list[RecordedPicture]:
         if self.is_full:
             raise OSError(28, "No space left on device")
-        return [] if self.is_slow else super().written()
+        return [] if self.is_slow else super().written(cameras)
 
 
 def image(camera: str = "ground", **fields: Any) -> Image:
@@ -216,6 +217,21 @@ def test_pictures_of_an_earlier_life_are_not_overwritten() -> None:
     rig.stage.begin("record_images", camera="ground", every_s=0.1)
     rig.run(0.3)
     assert rig.shelf.pictures[0].file == "ground-00042.jpg"
+
+
+def test_two_recorders_with_one_folder_count_their_own_pictures() -> None:
+    rigs = {"ground": Rig(), "front_left": Rig()}
+    rigs["front_left"].shelf = rigs["ground"].shelf
+    rigs["front_left"].stage = Stage(ImageRecorder(rigs["ground"].shelf))
+    for camera, rig in rigs.items():
+        rig.run(0.2, camera=camera)
+        rig.stage.begin("record_images", camera=camera, every_s=0.2, count=3)
+    for _ in range(20):
+        for camera, rig in rigs.items():
+            rig.run(0.1, camera=camera)
+    for camera, rig in rigs.items():
+        assert (rig.stage.status.state, rig.stage.status.achieved) == ("done", 3)
+        assert [recorded.camera for recorded in rig.stage.all(ImageRecorded)] == [camera] * 3
 
 
 def test_a_full_disk_makes_it_faulty_and_says_why() -> None:

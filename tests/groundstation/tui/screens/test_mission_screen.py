@@ -305,14 +305,14 @@ async def test_changes_are_kept_when_the_station_closes_without_a_word(tmp_path:
         assert missions(here).keep_unsaved(tmp_path / "kept") is None, "nothing was typed yet"
         await here.press("4", "2")
         await here.wait(lambda: missions(here).has_unsaved)
-        editor(here).move_cursor((4, 4))
+        editor(here).move_cursor((5, 4))
         await here.press("end", "enter", "x")
         await here.wait(lambda: "    actions:\n      x\n" in editor(here).text)
         assert here.app.current_mode == "mission", "digits are typed"
         await here.press("ctrl+c")
         kept = missions(here).keep_unsaved(tmp_path / "kept")
         assert kept is not None
-        assert kept.read_text().startswith("42mission")
+        assert kept.read_text().startswith("42gloc3: 1\n")
         assert missions(here).keep_unsaved(tmp_path / "kept") != kept, "nothing is overwritten"
 
 

@@ -30,6 +30,8 @@ _MEAN_S: Final = 0.5
 """Time over which reports are averaged at both ends of a window."""
 _SEPARATED: Final = (0.25, 1.0)
 """The windows in which one source is left out: errors that begin, and errors that stay."""
+_COARSE_M2: Final = 0.1**2
+"""Sources that are left and do not know better than that tell a doubt only beyond two standard deviations."""
 _FLOOR_M2: Final = 0.004**2
 _BLIND_M2: Final = 0.5**2
 """Variance beyond which a direction is ignored in a disagreement."""
@@ -245,10 +247,11 @@ class FaultIsolation:
             spreads = np.array([record.spread(begin_s) for record in records]) + floors[:, None, None] * np.eye(3)
             weights = np.linalg.inv(spreads)
             weighted = np.einsum("nij,nj->ni", weights, np.array([record.mean_over(begin_s) for record in records]))
-            # Weighted mean of the others: C = (sum C_i^-1)^-1, d = C sum C_i^-1 d_i; counted is d^2 - C.
+            # Weighted mean of the others: C = (sum C_i^-1)^-1, d = C sum C_i^-1 d_i; counted is d^2 - C, or d^2 - 4 C.
             covariances = np.linalg.inv(weights.sum(axis=0) - weights)
             apart = np.einsum("nij,nj->ni", covariances, weighted.sum(axis=0) - weighted)
-            counted = apart**2 - covariances.diagonal(axis1=1, axis2=2)
+            variances = covariances.diagonal(axis1=1, axis2=2)
+            counted = apart**2 - np.where(variances > _COARSE_M2, 4.0, 1.0) * variances
             worst = np.maximum(worst, counted.max(axis=0))
         north, east, down = np.sqrt(worst).tolist()
         return north, east, down

@@ -262,13 +262,13 @@ def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_t
 
 
 def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
-    def separation(drift_m_s: float, names: tuple[str, ...] = ("a", "b", "c")) -> Vector3:
+    def separation(drift_m_s: float, names: tuple[str, ...] = ("a", "b", "c"), std_m: float = 0.005) -> Vector3:
         vote, rng = FaultIsolation(6.0, 0.01), np.random.default_rng(1)
         for name in names:
             noise = rng.normal(size=61) * 0.005
             for i in range(60):
                 excess = (float(noise[i + 1] - noise[i]) + (0.0 if name == "a" else drift_m_s * 0.1), 0.0, 0.0)
-                vote.record(name).add(i * 0.1, excess, np.eye(3) * 0.005**2)
+                vote.record(name).add(i * 0.1, excess, np.eye(3) * std_m**2)
         vote.update(dict.fromkeys(names, True), (0.0, 0.0, 0.0), 0.0, 5.9)
         return vote.separation(list(names), 5.9)
 
@@ -277,6 +277,9 @@ def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
     assert north == pytest.approx(0.12, abs=0.02)
     assert (east, down) == (0.0, 0.0)
     assert separation(-0.02, ("b",)) == (0.0, 0.0, 0.0), "with one there is nobody to compare with"
+    # Two that are left and know the motion to 0.4 m: at 1.5 of that they say nothing, at 3 they do.
+    assert separation(-0.1, std_m=0.4) == (0.0, 0.0, 0.0)
+    assert separation(-0.2, std_m=0.4)[0] > 0.5
 
 
 def test_two_that_say_together_that_the_body_is_elsewhere_are_heard_and_two_that_say_different_things_are_not() -> None:

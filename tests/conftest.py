@@ -4,6 +4,7 @@ stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too
 """
 
 import gc
+import itertools
 import re
 import signal
 import zlib
@@ -33,6 +34,17 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
+
+
+_numbers = itertools.count()
+
+
+@pytest.fixture
+def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of the test's own; numbered here, because pytest looks through all folders for the next free name."""
+    folder = tmp_path_factory.getbasetemp() / f"{re.sub(r'[^a-zA-Z0-9]', '_', request.node.name)[:30]}_{next(_numbers)}"
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -69,10 +81,15 @@ LONG = (
 
 LONGEST_NAME = 120
 _MARKS_OF_A_FILE = re.compile(r"^pytestmark = (\[[^\]]*\]|.*)", re.MULTILINE)
+_HAS_SOCKETS = re.compile(r"mark\.sockets\b|^    pytestmark,$", re.MULTILINE)
+"""In the text of each file with tests in wall time: the mark, or marks that are imported."""
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Does not import files of another part, and those in which no test would be run: with `-m "not thorough"`, thorough ones."""
+    """Does not import files of another part, and those in which no test would be run.
+
+    With `-m "not thorough"` these are thorough ones, with `-m sockets` those that do not have the mark in their text.
+    """
     if collection_path.suffix != ".py" or not collection_path.is_relative_to(config.rootpath):
         return None
     place = collection_path.relative_to(config.rootpath).as_posix()
@@ -81,6 +98,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
         return True
     terms = config.option.markexpr.split(" and ")
     left_out = {term.removeprefix("not ") for term in terms if term.startswith("not ")}
+    if terms == ["sockets"] and collection_path.name.startswith("test_"):
+        return True if not _HAS_SOCKETS.search(collection_path.read_text(encoding="utf-8")) else None
     if len(left_out) < len(terms):
         return None
     if "thorough" in left_out and any(word in place for word in PERCEPTION):
@@ -91,6 +110,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Marks property tests and state machines, and perception; puts first what takes long."""
+    in_wall_time = {item.path for item in items if item.get_closest_marker("sockets")}
+    hidden = [path for path in in_wall_time if not _HAS_SOCKETS.search(path.read_text(encoding="utf-8"))]
+    if hidden:
+        raise pytest.UsageError(
+            f"`-m sockets` would not find the mark in {', '.join(map(str, hidden))}: write it there"
+        )
     for item in items:
         function = getattr(item, "obj", None)
         is_search = getattr(function, "is_hypothesis_test", False) or item.nodeid.endswith("::runTest")

@@ -11,7 +11,7 @@ from gloc3.terrain.tile import VOID
 
 Floats = NDArray[np.float64]
 Shape = Callable[[Floats, Floats], Floats]
-"""Heights in metres for latitudes and longitudes in degrees."""
+"""Heights in metres for latitudes, a column, and longitudes in degrees, a row."""
 
 
 def write_tile(
@@ -40,10 +40,10 @@ def write_tile(
     west = int(name[4:7]) * (-1 if name[3] == "W" else 1)
     latitudes = south + 1.0 - np.arange(side) / (side - 1)
     longitudes = west + np.arange(side) / (side - 1)
-    rows, columns = np.meshgrid(latitudes, longitudes, indexing="ij")
-    heights = np.round(shape(rows, columns)).astype(">i2")
+    rows, columns = np.meshgrid(latitudes, longitudes, indexing="ij", sparse=True)
+    heights = np.broadcast_to(np.round(shape(rows, columns)).astype(">i2"), (side, side))
     if void is not None:
-        heights[void(rows, columns)] = VOID
+        heights = np.where(void(rows, columns), VOID, heights).astype(">i2")
     if not zipped:
         path = folder / (file or f"{name}.hgt")
         path.write_bytes(heights.tobytes())

@@ -1,6 +1,7 @@
 """`docs/reference/mavlink.md`: MAVLink messages and commands that each side handles."""
 
 import ast
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -85,7 +86,7 @@ def handled(module: str, source: str) -> set[str]:
         if declared := {name for one in own for name in one.handles}:
             return declared
     found = set(TABLES.get(module, ()))
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(ast.parse(source)) if re.search(r"\.(name|id)\b", source) else ():
         match node:
             case ast.Match(subject=ast.Attribute(attr="name")):
                 patterns = [value for case in node.cases for value in ast.walk(case.pattern)]

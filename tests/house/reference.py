@@ -4,6 +4,7 @@ import inspect
 import pkgutil
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -45,8 +46,8 @@ GROUPS: Final[Mapping[str, str]] = {
 }
 
 
-def pages() -> dict[Path, str]:
-    """Every page with its text."""
+def pages() -> dict[Path, Callable[[], str]]:
+    """Every page with what makes its text."""
     made: dict[str, tuple[str, Callable[[], Iterable[str]]]] = {
         "commands": ("Commands", commands),
         "components": ("Components", components),
@@ -62,17 +63,18 @@ def pages() -> dict[Path, str]:
         "mavlink": ("MAVLink messages and commands", mavlink.lines),
         "entry-points": ("Entry points", entries),
     }
-    return {
-        FOLDER / f"{name}.md": "\n".join([f"# {title}\n", MADE, *lines()]).rstrip() + "\n"
-        for name, (title, lines) in made.items()
-    }
+    return {FOLDER / f"{name}.md": partial(_text, title, lines) for name, (title, lines) in made.items()}
+
+
+def _text(title: str, lines: Callable[[], Iterable[str]]) -> str:
+    return "\n".join([f"# {title}\n", MADE, *lines()]).rstrip() + "\n"
 
 
 def write() -> None:
     """Writes them."""
     FOLDER.mkdir(exist_ok=True)
     for path, text in pages().items():
-        path.write_text(text, encoding="utf-8")
+        path.write_text(text(), encoding="utf-8")
 
 
 def commands() -> Iterator[str]:

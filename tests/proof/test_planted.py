@@ -1,8 +1,11 @@
 """The planted mistakes of the page `planted` have their places still, and break an invariant that there is."""
 
+import pytest
 from tests.evidence import planted
 
 from gloc3_sitl.proof.standard_invariants import STANDARD
+
+pytestmark = pytest.mark.thorough  # searches all sources
 
 
 def test_every_mistake_has_one_place_and_an_invariant() -> None:

@@ -77,6 +77,7 @@ def test_the_motion_brings_both_on_one_time_axis_and_to_one_origin(log: Path, au
     assert "its positions moved by -3.0" in in_words(found)
 
 
+@pytest.mark.thorough
 def test_a_picture_is_drawn_with_fields_of_the_autopilot(
     log: Path, autopilot: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -130,6 +130,7 @@ def test_pictures_are_recorded_as_png_files_and_read_back_whole(tmp_path: Path) 
     assert "foxglove.CompressedImage" in schemas
 
 
+@pytest.mark.sockets
 @pytest.mark.parametrize("flush_s", [0.02, 60.0])
 async def test_in_wall_time_pictures_are_compressed_in_a_thread_and_none_is_missing(
     tmp_path: Path, flush_s: float

@@ -137,6 +137,7 @@ def keeping_files(yard: Yard, change: Callable[[], object]) -> None:
         path.write_bytes(data)
 
 
+@pytest.mark.sockets
 async def test_a_pushed_list_passes_two_routers_and_is_kept_by_every_member(tmp_path: Path) -> None:
     yard = joined_yard(tmp_path / "yard")
     add(yard, "office", MemberRole.OBSERVER, to=["root"])
@@ -163,6 +164,7 @@ async def test_a_pushed_list_passes_two_routers_and_is_kept_by_every_member(tmp_
             member.spreader.close()
 
 
+@pytest.mark.sockets
 async def test_forged_and_older_lists_change_nothing_and_an_older_one_is_answered(tmp_path: Path) -> None:
     yard, other = Yard(tmp_path / "yard"), Yard(tmp_path / "other")
     exchange = LocalExchange(TopicTable.installed())
@@ -294,6 +296,7 @@ def test_signing_needs_the_authoritys_key(tmp_path: Path) -> None:
         sign_list(yard.folder, [], NOW)
 
 
+@pytest.mark.sockets
 async def test_a_station_closes_its_connection_to_a_vehicle_that_is_revoked(tmp_path: Path) -> None:
     yard, topics, loop = Yard(tmp_path / "yard"), TopicTable.installed(), asyncio.get_running_loop()
     heron = register.NetworkMember(

@@ -61,6 +61,7 @@ def program(folder: Path, body: str) -> Path:
     return path
 
 
+@pytest.mark.thorough  # other processes
 async def test_texts_are_spoken_one_at_a_time_newest_first_without_repeats(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +86,7 @@ async def test_texts_are_spoken_one_at_a_time_newest_first_without_repeats(
     assert failed == []
 
 
+@pytest.mark.thorough  # other processes
 async def test_a_program_that_fails_is_reported_once(tmp_path: Path) -> None:
     failed = list[str]()
     speaker = Speech((str(program(tmp_path, "exit 3")),), failed.append)

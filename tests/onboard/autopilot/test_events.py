@@ -11,7 +11,7 @@ from tests.onboard.autopilot.test_autopilot_link import Rig
 
 from gloc3.mavlink.services.files.ftp_files import FolderFiles
 from gloc3.mavlink.services.files.ftp_server import FtpServer
-from gloc3_onboard.autopilot.events import EventDictionary
+from gloc3_onboard.autopilot.events import LARGEST_BYTES, EventDictionary
 
 OWN = 1 << 24
 MODES = {"name": "modes", "type": "mode_group_t"}
@@ -50,7 +50,7 @@ COMPONENT = {
 
 
 def packed(component: Any = COMPONENT) -> bytes:
-    return lzma.compress(msgspec.json.encode({"version": 2, "components": {"1": component}}))
+    return lzma.compress(msgspec.json.encode({"version": 2, "components": {"1": component}}), preset=0)
 
 
 def test_arguments_units_tags_and_enums_are_put_into_words() -> None:
@@ -77,9 +77,9 @@ def test_what_is_not_listed_or_cut_off_is_no_event(number: int, arguments: bytes
         b"",
         b"\xfd7zXZ\0 no",
         packed()[:100],
-        lzma.compress(b"[]"),
+        lzma.compress(b"[]", preset=0),
         packed({"event_groups": {"default": {"events": {"x": {"name": "n", "message": "m"}}}}}),
-        lzma.compress(bytes(64 << 20)),
+        lzma.compress(bytes(2 * LARGEST_BYTES), preset=0),
     ],
     ids=["empty", "garbage", "cut off", "other JSON", "a number that is none", "one that swells"],
 )

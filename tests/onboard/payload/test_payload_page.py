@@ -4,6 +4,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.thorough  # other processes
+
 PAGE = Path(__file__).parents[3] / "docs" / "payload.md"
 GLOC3 = str(Path(sys.executable).with_name("gloc3"))
 

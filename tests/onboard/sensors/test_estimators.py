@@ -140,6 +140,7 @@ def first(device: EstimatorSource, send: Callable[[], None]) -> StampedEstimator
     return stamped
 
 
+@pytest.mark.sockets
 @pytest.mark.parametrize(("scheme", "sent"), [("json", line()), ("odometry", odometry())])
 def test_a_pose_comes_over_udp_and_its_time_is_made_ours(scheme: str, sent: bytes) -> None:
     port = free_ports(1, socket.SOCK_DGRAM)[0]
@@ -164,6 +165,7 @@ def test_what_sends_something_else_is_named() -> None:
                 pass
 
 
+@pytest.mark.sockets
 def test_a_pose_comes_over_zenoh() -> None:
     port = free_ports(1, socket.SOCK_DGRAM)[0]
     config = zenoh.Config()

@@ -162,6 +162,7 @@ def test_a_paused_flight_goes_on_from_where_the_vehicle_then_is() -> None:
     assert voyage.navigator.last(RouteWanted).request == 2
 
 
+@pytest.mark.thorough
 def test_an_exploration_sees_nearly_all_of_the_floor_that_can_be_seen() -> None:
     walls = [*ROOM, *WALL, *box(10.0, 4.0, 1.0, 1.0)]
     voyage = Voyage(lambda _: walls, range_m=6.0)

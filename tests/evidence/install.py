@@ -29,6 +29,7 @@ EXTRAS: dict[str, list[list[str]]] = {
     "gpio": [["component", "describe", "payload"]],
     "laser": [["onboard", "--help"]],
     "video": [["onboard", "--help"], ["-c", "import av; av.CodecContext.create('libx264', 'w')"]],
+    "token": [["network", "--help"], ["-c", "import pkcs11"]],
     "joystick": [["station", "--help"]],
 }
 """Commands of gloc3, or of Python, that must end well with each extra alone."""

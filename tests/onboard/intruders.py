@@ -36,7 +36,7 @@ from gloc3.network import register
 from gloc3.network.access import MemberRole
 from gloc3.network.authority import read_certificate, read_key
 from gloc3.network.platform_clocks import PlatformClocks
-from gloc3.network.signatures import FileKey, RequestSigner
+from gloc3.network.signatures import RequestSigner
 from gloc3.platform.reader import whole_text
 from gloc3_sitl.demo.demo import free_ports
 
@@ -165,7 +165,7 @@ def signer_of(settings: Mapping[str, Any]) -> RequestSigner | None:
     if "connect_private_key" not in link:
         return None
     key, certificate = Path(link["connect_private_key"]), Path(link["connect_certificate"])
-    return RequestSigner(FileKey(read_key(key)), read_certificate(certificate))
+    return RequestSigner(read_key(key), read_certificate(certificate))
 
 
 class Scene:

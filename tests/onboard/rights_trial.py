@@ -6,6 +6,7 @@ is refused for another reason than the right to it.
 
 import asyncio
 import socket
+import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
@@ -103,7 +104,9 @@ class Member:
         topics, loop = TopicTable.installed(), asyncio.get_running_loop()
         exchange = LocalExchange(topics)
         network = stack.enter_context(yard.open(name))
-        stack.callback(join_platforms(network, exchange, topics, name, signer=yard.membership(name).signer()))
+        stack.callback(
+            join_platforms(network, exchange, topics, name, signer=yard.membership(name).signer(), unsent=sys.exit)
+        )
         self.name, self._client = name, CommandClient(exchange, loop, name, 7)
         stack.callback(self._client.close)
         self._summaries: list[object] = []

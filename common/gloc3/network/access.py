@@ -31,11 +31,18 @@ class Accepted(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     role: MemberRole
     certificate: str
     """The number of its one certificate that counts."""
+    signs: str = ""
+    """The number of the certificate with whose key it signs requests, where that is in a token; empty for the same one."""
 
     @property
     def common_name(self) -> str:
         """What its certificate calls it: another certificate of the same member is another name."""
         return common_name(self.member, self.certificate)
+
+    @property
+    def signing_name(self) -> str:
+        """What the certificate calls it with whose key it signs requests."""
+        return common_name(self.member, self.signs or self.certificate)
 
     @property
     def platform(self) -> str:

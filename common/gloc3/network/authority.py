@@ -21,6 +21,8 @@ from gloc3.network.access import common_name
 
 CERTIFICATE: Final = "certificate.pem"
 KEY: Final = "key.pem"
+SIGNING: Final = "signing.pem"
+"""The certificate of a station's key in a token, which signs its requests; its links use the other key."""
 AUTHORITY: Final = "authority.pem"
 AUTHORITY_KEY: Final = "authority.key"
 NUMBER_DIGITS: Final = 8
@@ -84,7 +86,7 @@ def issue(folder: Path, into: Path, subject: CertificateSubject, now: datetime, 
 
     Args:
         folder: folder of the authority.
-        into: output folder, also for the authority's certificate.
+        into: output file; the authority's certificate is written beside it.
         subject: whom it is for.
         now: the validity starts slightly earlier.
         valid: duration of the validity.
@@ -111,9 +113,9 @@ def issue(folder: Path, into: Path, subject: CertificateSubject, now: datetime, 
         .add_extension(x509.SubjectAlternativeName([_place(host) for host in (member, *subject.hosts)]), critical=False)
         .sign(signer, hashes.SHA256())
     )
-    into.mkdir(mode=0o700, parents=True, exist_ok=True)
-    (into / CERTIFICATE).write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
-    (into / AUTHORITY).write_bytes((folder / AUTHORITY).read_bytes())
+    into.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    into.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+    (into.parent / AUTHORITY).write_bytes((folder / AUTHORITY).read_bytes())
     return number
 
 
@@ -131,6 +133,13 @@ def read_certificate(path: Path) -> x509.Certificate:
         raise InputError([Finding(file=str(path), message="not a certificate (PEM)")]) from error
 
 
+def public_key(certificate: x509.Certificate) -> ec.EllipticCurvePublicKey:
+    """The public key of a certificate of this network: always one of P-256."""
+    key = certificate.public_key()
+    assert isinstance(key, ec.EllipticCurvePublicKey)
+    return key
+
+
 def number_of(serial: int) -> str:
     """The number of a certificate, as members' names have it: the end of its serial number."""
     return f"{serial:0{NUMBER_DIGITS}x}"[-NUMBER_DIGITS:]
@@ -142,19 +151,19 @@ def name_of(certificate: x509.Certificate) -> str:
     return str(names[0].value) if names else ""
 
 
-def findings(certificate: Path, key: Path, authority: Path, wanted: str, now: datetime) -> list[Finding]:
-    """What is wrong with a member's certificate and key."""
+def findings(certificate: Path, key: Path | None, authority: Path, wanted: str, now: datetime) -> list[Finding]:
+    """What is wrong with a member's certificate and its key, unless that is in a token."""
     found = []
     try:
         own, root = read_certificate(certificate), read_certificate(authority)
-        private = read_key(key)
+        private = None if key is None else read_key(key)
     except InputError as error:
         return list(error.findings)
     try:
         own.verify_directly_issued_by(root)
     except (ValueError, TypeError, InvalidSignature):
         found.append(Finding(file=str(certificate), message=f"{authority.name} has not signed this certificate"))
-    if own.public_key() != private.public_key():
+    if private is not None and own.public_key() != private.public_key():
         found.append(Finding(file=str(key), message=f"this is not the key of {certificate.name}"))
     if name_of(own) != wanted:
         found.append(Finding(file=str(certificate), message=f"it belongs to {name_of(own)!r}, not to {wanted!r}"))

@@ -22,7 +22,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.network import register, spreading
 from gloc3.network.access import MemberRole, access_control, grants
 from gloc3.network.authority import read_certificate
-from gloc3.network.enrolment import REQUEST, fingerprint, make_request, read_request, request_key
+from gloc3.network.enrolment import REQUEST, fingerprint, make_request, read_request, requested_keys
 from gloc3.network.file import Membership, Unconfirmed, address_problem, member_problem, read_network
 from gloc3.network.revocations import REVOCATIONS, read_list
 from gloc3.network.rights import MEANINGS, Rights
@@ -138,11 +138,11 @@ def add(folder: Path, member: str, /, *, options: MemberOptions, request: Path |
     """
     folder = folder.expanduser()
     entry, valid, is_renewed = options.entry(), timedelta(days=options.days), options.renew
-    key = None if request is None else read_request(request.expanduser(), member)
-    changed = register.add(folder, member, entry, utc_now(), valid, is_renewed=is_renewed, key=key)
+    keys = None if request is None else read_request(request.expanduser(), member)
+    changed = register.add(folder, member, entry, utc_now(), valid, is_renewed=is_renewed, keys=keys)
     narrate(f"{folder / member} is for {member} only; its certificate is valid for {options.days} days")
-    if key is not None:
-        narrate(f"fingerprint of the key: {fingerprint(key)}; it has to be the one that {member} reads out")
+    if keys is not None:
+        narrate(f"fingerprint of the key: {fingerprint(keys)}; it has to be the one that {member} reads out")
     if not entry.listen and not register.read_register(folder).connections(member):
         narrate(f"no member listens yet for {member} to connect to: add a platform with --listen")
     _narrate(name for name in changed if name != member)
@@ -150,7 +150,7 @@ def add(folder: Path, member: str, /, *, options: MemberOptions, request: Path |
 
 
 @app.command
-def request(folder: Path, member: str, /) -> int:
+def request(folder: Path, member: str, /, *, token: str = "") -> int:
     """Make a member's key on its own computer, and a request to add it: no key is ever copied.
 
     Send FOLDER/request.pem to the person with the network's authority, who adds it: `gloc3 network add yard alice --role
@@ -159,12 +159,14 @@ def request(folder: Path, member: str, /) -> int:
     Args:
         folder: Where the key is, or is to be.
         member: PLATFORM.HOST, or a name without a dot.
+        token: Sign requests with a key in a TPM, a smart card or a USB token, made there if there is none: a PKCS #11 URI,
+            such as pkcs11:token=alice?module-path=/usr/lib/softhsm/libsofthsm2.so
     """
     folder = folder.expanduser()
     role = MemberRole.PLATFORM if "." in member else MemberRole.OPERATOR
     if problem := member_problem(member, role):
         raise Refused(problem)
-    digits = make_request(folder, member)
+    digits = make_request(folder, member, token)
     narrate(f"{folder / REQUEST} can be sent openly; fingerprint of the key: {digits}")
     return 0
 
@@ -194,9 +196,9 @@ def invite(folder: Path, member: str, /, *, options: MemberOptions, at: str, min
     changed: list[str] = []
 
     def enrol(request: bytes) -> dict[str, str]:
-        key = request_key(request, member, "the newcomer's request")
-        changed[:] = register.add(folder, member, entry, utc_now(), valid, is_renewed=is_renewed, key=key)
-        narrate(f"{member} has joined; fingerprint of its key: {fingerprint(key)}")
+        keys = requested_keys(request, member, "the newcomer's request")
+        changed[:] = register.add(folder, member, entry, utc_now(), valid, is_renewed=is_renewed, keys=keys)
+        narrate(f"{member} has joined; fingerprint of its key: {fingerprint(keys)}")
         return files_of(folder / member)
 
     def opened(code: str, port: int) -> None:
@@ -210,12 +212,13 @@ def invite(folder: Path, member: str, /, *, options: MemberOptions, at: str, min
 
 
 @app.command
-def join(invitation: str, /, *, out: Path | None = None) -> int:
+def join(invitation: str, /, *, out: Path | None = None, token: str = "") -> int:
     """Join a network by a one-time code: make a key here, and get its certificate and files.
 
     Args:
         invitation: CODE@HOST:PORT, as `gloc3 network invite` prints it.
         out: The folder to create for the files; default: the member's name.
+        token: The PKCS #11 URI of a token whose key signs this station's requests, as for `gloc3 network request`.
     """
     from gloc3.network.invitations import OneTimeCode, join
 
@@ -223,7 +226,7 @@ def join(invitation: str, /, *, out: Path | None = None) -> int:
     if not at:
         raise Refused(f"{invitation!r} is no invitation: CODE@HOST:PORT, as gloc3 network invite prints it")
     host, port = _address(place)
-    into = asyncio.run(join(OneTimeCode.read(text), host, port, None if out is None else out.expanduser()))
+    into = asyncio.run(join(OneTimeCode.read(text), host, port, None if out is None else out.expanduser(), token))
     membership = _read(into / register.NETWORK_FILE)
     narrate(f"{into} is of {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
     return 0
@@ -376,6 +379,8 @@ def check(file: Path, /) -> int:
         file: A member's network.yaml.
     """
     membership = _read(file)
+    if membership.file.own.signs:
+        membership.signer()
     narrate(f"{file} is valid: {membership.file.member}, {membership.file.own.role}, on {membership.file.network}")
     return 0
 

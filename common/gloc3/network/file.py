@@ -14,15 +14,16 @@ from msgspec.structs import replace
 
 from gloc3.documents.document import Document, load_bytes, parse
 from gloc3.documents.schema import check
-from gloc3.errors import Finding, InputError, nearest
+from gloc3.errors import Finding, InputError, Refused, nearest
 from gloc3.exchange.zenoh_session import QUIC, ZenohEndpoints
 from gloc3.network.access import Accepted, MemberRole, access_control, size_limits
-from gloc3.network.authority import expiry, read_certificate, read_key
+from gloc3.network.authority import SIGNING, expiry, public_key, read_certificate, read_key
 from gloc3.network.authority import findings as certificate_findings
 from gloc3.network.revocations import REVOCATIONS, RevocationList, read_list, verify_list
 from gloc3.network.rights import ListValidity
 from gloc3.network.rights_file import RightsFile, read_rights
-from gloc3.network.signatures import FileKey, RequestSigner, RequestVerifier
+from gloc3.network.security_token import TOKEN, read_token_key
+from gloc3.network.signatures import RequestSigner, RequestVerifier
 
 NAME: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}")
 # QUIC before an address: encrypted over UDP, for links that lose packets; without it TLS over TCP.
@@ -118,9 +119,19 @@ class Membership(NamedTuple):
         return [name for name, role in self.file.roles.items() if role is MemberRole.OPERATOR]
 
     def signer(self) -> RequestSigner:
-        """Signs this member's requests."""
+        """Signs this member's requests; waits for the PIN where its key is in a token.
+
+        Raises:
+            Refused: the token cannot be used, or has another key.
+            InputError: a file is missing.
+        """
         file, folder = self.file, self.path.parent
-        return RequestSigner(FileKey(read_key(folder / file.key)), read_certificate(folder / file.certificate))
+        if not file.own.signs:
+            return RequestSigner(read_key(folder / file.key), read_certificate(folder / file.certificate))
+        key, certificate = read_token_key(folder), read_certificate(folder / SIGNING)
+        if key.public_key() != public_key(certificate):
+            raise Refused(f"the key that {folder / TOKEN} names is not that of {SIGNING}: is it the right token?")
+        return RequestSigner(key, certificate)
 
     def watching(self, platforms: Sequence[str]) -> Membership:
         """The same station with all details of these platforms."""
@@ -156,7 +167,7 @@ class Membership(NamedTuple):
 
     def verifier(self) -> RequestVerifier:
         """Verifies the requests of the members that are accepted."""
-        accepted = {entry.member: entry.common_name for entry in self.file.accepts}
+        accepted = {entry.member: entry.signing_name for entry in self.file.accepts}
         return RequestVerifier(read_certificate(self.path.parent / self.file.authority), accepted)
 
     def settings(self) -> dict[str, Any]:
@@ -206,6 +217,9 @@ def read_network(path: Path, now: datetime, newest: RevocationList | None = None
     found = certificate_findings(
         folder / file.certificate, folder / file.key, folder / file.authority, file.own.common_name, now
     )
+    if file.own.signs:
+        signing = folder / SIGNING
+        found += certificate_findings(signing, None, folder / file.authority, file.own.signing_name, now)
     if found:
         raise InputError(found)
     rights = read_rights(folder / file.rights, file.roles).file if file.rights else None

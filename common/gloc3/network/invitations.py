@@ -25,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from gloc3.clock import utc_now
 from gloc3.errors import UNREADABLE, Gloc3Error, NoContact, Refused
-from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, make_temporary, read_certificate
+from gloc3.network.authority import AUTHORITY, CERTIFICATE, KEY, SIGNING, make_temporary, read_certificate
 from gloc3.network.enrolment import REQUEST, make_request
 from gloc3.network.register import NETWORK_FILE
 from gloc3.network.revocations import REVOCATIONS
@@ -42,7 +42,7 @@ MOST_OPEN: Final = 8
 STEP_S: Final = 10.0
 """Longest time for one message, s."""
 LINE_BYTES: Final = 262_144
-FILES: Final = (CERTIFICATE, AUTHORITY, NETWORK_FILE, REVOCATIONS, RIGHTS_FILE)
+FILES: Final = (CERTIFICATE, SIGNING, AUTHORITY, NETWORK_FILE, REVOCATIONS, RIGHTS_FILE)
 """What a newcomer gets, where there is one: nothing of it is secret."""
 
 
@@ -189,7 +189,7 @@ def files_of(folder: Path) -> dict[str, str]:
     return {name: (folder / name).read_text() for name in FILES if (folder / name).exists()}
 
 
-async def join(code: OneTimeCode, host: str, port: int, into: Path | None = None) -> Path:
+async def join(code: OneTimeCode, host: str, port: int, into: Path | None = None, token: str = "") -> Path:
     """Joins a network: makes a key, has it certified, and writes the files of the member.
 
     Args:
@@ -197,6 +197,7 @@ async def join(code: OneTimeCode, host: str, port: int, into: Path | None = None
         host: where the inviting computer is.
         port: its port.
         into: folder to create for the member; None for one with its name.
+        token: URI of a token, in which the key that signs its requests is or is to be; empty for none.
 
     Returns:
         The folder.
@@ -222,7 +223,7 @@ async def join(code: OneTimeCode, host: str, port: int, into: Path | None = None
                 raise Refused("the code is wrong, or has ended: ask for another one") from None
             folder = into or Path(member)
             _check_folder(folder)
-            make_request(folder, member)
+            make_request(folder, member, token)
             await _send(writer, _Request((folder / REQUEST).read_text()))
             answer = await _receive(reader, _Files)
     except ConnectionRefusedError as error:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
-from cryptography.hazmat.primitives.asymmetric import ec
 from msgspec.structs import replace
 
 from gloc3.documents.document import dump, load
@@ -18,13 +17,16 @@ from gloc3.network.authority import (
     AUTHORITY,
     CERTIFICATE,
     KEY,
+    SIGNING,
     CertificateSubject,
     issue,
     make_authority,
     make_key,
     number_of,
+    public_key,
     read_certificate,
 )
+from gloc3.network.enrolment import RequestedKeys
 from gloc3.network.file import Unconfirmed, address_problem, host_of, member_problem
 from gloc3.network.revocations import REVOCATIONS, sign_list
 from gloc3.network.rights_file import RIGHTS_FILE, RightsFile, read_rights
@@ -42,6 +44,8 @@ class NetworkMember(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """The number of its one certificate that counts."""
     until: str
     """Day on which the certificate expires."""
+    signs: str = ""
+    """The number of the certificate of its key in a token; empty where it has none."""
     listen: list[str] = []
     """`HOST:PORT` that it opens."""
     reached_at: list[str] = []
@@ -70,7 +74,7 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     def accepted(self, name: str) -> Accepted:
         """A member as others see it."""
         member = self.members[name]
-        return Accepted(member=name, role=member.role, certificate=member.certificate)
+        return Accepted(member=name, role=member.role, certificate=member.certificate, signs=member.signs)
 
     def connections(self, name: str) -> list[str]:
         """The addresses to which a member connects."""
@@ -129,7 +133,7 @@ def add(
     valid: timedelta,
     *,
     is_renewed: bool,
-    key: ec.EllipticCurvePublicKey | None = None,
+    keys: RequestedKeys | None = None,
 ) -> list[str]:
     """Adds a member with a certificate, and rewrites all network files.
 
@@ -140,7 +144,7 @@ def add(
         now: the validity starts then.
         valid: duration of the validity.
         is_renewed: whether it may be a member already, whose certificate is replaced.
-        key: its public key; None to make a key in its folder here.
+        keys: its public keys; None to make a key in its folder here.
 
     Returns:
         The members whose files have changed, including itself.
@@ -151,10 +155,17 @@ def add(
     """
     register = examine(folder, name, member, is_renewed=is_renewed)
     hosts = [host_of(address) for address in (*member.listen, *member.reached_at)]
-    (folder / name / KEY).unlink(missing_ok=True)
-    public = key or make_key(folder / name)
-    number = issue(folder, folder / name, CertificateSubject(name, hosts, public), now, valid)
-    entry = replace(member, certificate=number, until=f"{now + valid:%Y-%m-%d}")
+    if keys is not None and keys.signing is not None and member.role is not MemberRole.OPERATOR:
+        raise Refused(f"{name} signs no requests, so it needs no key in a token: that is for operators' stations")
+    into = folder / name
+    for former in (KEY, SIGNING):
+        (into / former).unlink(missing_ok=True)
+    keys = keys or RequestedKeys(make_key(into))
+    number = issue(folder, into / CERTIFICATE, CertificateSubject(name, hosts, keys.link), now, valid)
+    signs = ""
+    if keys.signing is not None:
+        signs = issue(folder, into / SIGNING, CertificateSubject(name, hosts, keys.signing), now, valid)
+    entry = replace(member, certificate=number, signs=signs, until=f"{now + valid:%Y-%m-%d}")
     changed = replace(register, members={**register.members, name: entry})
     return _write(folder, changed)
 
@@ -193,9 +204,7 @@ def examine(folder: Path, name: str, member: NetworkMember, *, is_renewed: bool)
     return register
 
 
-def renew(
-    folder: Path, name: str, now: datetime, valid: timedelta, key: ec.EllipticCurvePublicKey | None = None
-) -> list[str]:
+def renew(folder: Path, name: str, now: datetime, valid: timedelta, keys: RequestedKeys | None = None) -> list[str]:
     """Gives a member a new certificate, with the same role and addresses, and rewrites all network files.
 
     Args:
@@ -203,7 +212,7 @@ def renew(
         name: the member's name.
         now: the validity starts then.
         valid: duration of the validity.
-        key: its new public key; None for a new key in its folder here, or for the same one where its key is not here.
+        keys: its new public keys; None for a new key in its folder here, or for the same ones where its key is not here.
 
     Returns:
         The members whose files have changed, including itself.
@@ -215,11 +224,10 @@ def renew(
     member = read_register(folder).current().get(name)
     if member is None:
         raise Refused(f"there is no member {name!r}; {nearest(name, list(read_register(folder).current()))}")
-    if key is None and not (folder / name / KEY).exists():
-        present = read_certificate(folder / name / CERTIFICATE).public_key()
-        assert isinstance(present, ec.EllipticCurvePublicKey)
-        key = present
-    return add(folder, name, member, now, valid, is_renewed=True, key=key)
+    if keys is None and not (folder / name / KEY).exists():
+        files = (CERTIFICATE, SIGNING) if member.signs else (CERTIFICATE,)
+        keys = RequestedKeys(*(public_key(read_certificate(folder / name / file)) for file in files))
+    return add(folder, name, member, now, valid, is_renewed=True, keys=keys)
 
 
 def expiring(folder: Path, now: datetime, within: timedelta) -> list[str]:
@@ -375,7 +383,8 @@ def _network_file(folder: Path, register: Register, name: str, *, has_rights: bo
     others = [register.accepted(other) for other in register.current() if other != name]
     entries = [own, *(other for other in others if grants(own, other))]
     listed = "".join(
-        f"  - {{member: {_quoted(entry.member)}, role: {entry.role}, certificate: {_quoted(entry.certificate)}}}\n"
+        f"  - {{member: {_quoted(entry.member)}, role: {entry.role}, certificate: {_quoted(entry.certificate)}"
+        + (f", signs: {_quoted(entry.signs)}}}\n" if entry.signs else "}\n")
         for entry in entries
     )
     rights = (

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import msgspec
 from cryptography import x509
@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope, SignedMessage
 from gloc3.messages.wire import TypeRegistry, type_name
-from gloc3.network.authority import name_of
+from gloc3.network.authority import name_of, public_key
 
 PURPOSE: Final = "gloc3 request 1"
 """First in what is signed, so that a signature for something else is none for a request."""
@@ -27,33 +27,15 @@ MOST_CERTIFICATES: Final = 64
 """Verified certificates that are remembered."""
 
 
-class SigningKey(Protocol):
-    """A private key, in a file or in a token."""
-
-    def sign(self, data: bytes) -> bytes:
-        """The ECDSA signature of data, with SHA-256, in DER."""
-
-
-class FileKey:
-    """A private key that was read from a file."""
-
-    def __init__(self, key: ec.EllipticCurvePrivateKey) -> None:
-        self._key = key
-
-    def sign(self, data: bytes) -> bytes:
-        """The signature of data."""
-        return self._key.sign(data, ec.ECDSA(hashes.SHA256()))
-
-
 class RequestSigner:
     """Signs a member's messages.
 
     Args:
-        key: the key of its certificate.
+        key: the key of its certificate, in a file or in a token.
         certificate: the certificate.
     """
 
-    def __init__(self, key: SigningKey, certificate: x509.Certificate) -> None:
+    def __init__(self, key: ec.EllipticCurvePrivateKey, certificate: x509.Certificate) -> None:
         self._key, self._certificate = key, certificate.public_bytes(Encoding.DER)
 
     def sign(
@@ -67,9 +49,12 @@ class RequestSigner:
             until_s: latest time to use it, by the platform's clock; 0 for unknown.
             boot: of the command interface server that it is for; 0 for unknown.
             utc_s: now.
+
+        Raises:
+            Refused: the token that has the key does not sign.
         """
         data = types.encode(envelope)
-        signature = self._key.sign(_statement(envelope.topic, data, until_s, boot, utc_s))
+        signature = self._key.sign(_statement(envelope.topic, data, until_s, boot, utc_s), ec.ECDSA(hashes.SHA256()))
         signed = SignedMessage(
             data=data, certificate=self._certificate, signature=signature, until_s=until_s, boot=boot, utc_s=utc_s
         )
@@ -111,8 +96,7 @@ class RequestVerifier:
             <= certificate.not_valid_after_utc
         ):
             raise Refused(f"the certificate of {member} is not valid today; renew it, or set the clock")
-        key = certificate.public_key()
-        assert isinstance(key, ec.EllipticCurvePublicKey)
+        key = public_key(certificate)
         statement = _statement(envelope.topic, signed.data, signed.until_s, signed.boot, signed.utc_s)
         try:
             key.verify(signed.signature, statement, ec.ECDSA(hashes.SHA256()))

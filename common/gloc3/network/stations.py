@@ -73,6 +73,7 @@ def join_platforms(
     is_new: Callable[[Envelope[Any]], bool] = lambda _: True,
     *,
     signer: RequestSigner,
+    unsent: Callable[[str], None],
     watched: Sequence[str] = (),
 ) -> Unsubscribe:
     """Joins a station to all platforms on the network: it sends requests and receives their downlink.
@@ -85,6 +86,7 @@ def join_platforms(
         carries: whether a request is sent over this link.
         is_new: whether a message has not arrived over another link already.
         signer: signs what the station sends.
+        unsent: called with the reason where it does not, and nothing is sent.
         watched: the platforms that are received; empty for all. Of others come the summaries of their regions.
     """
     loop = asyncio.get_running_loop()
@@ -96,7 +98,12 @@ def join_platforms(
         utc_s = utc_now().timestamp()
         numbered = replace(envelope, topic=key, sequence=sent[key])
         sent[key] += 1
-        network.publish(signer.sign(numbered, topics.types, until_s=until_s, boot=boot, utc_s=utc_s))
+        try:
+            signed = signer.sign(numbered, topics.types, until_s=until_s, boot=boot, utc_s=utc_s)
+        except Refused as error:
+            unsent(f"not sent: {error}")
+        else:
+            network.publish(signed)
 
     def send(envelope: Envelope[CiRequest]) -> None:
         if carries(envelope):

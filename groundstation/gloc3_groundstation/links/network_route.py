@@ -96,6 +96,7 @@ class NetworkRoute:
             carries=partial(self._routes.carries, route),
             is_new=handle,
             signer=membership.signer(),
+            unsent=self._reported,
             watched=membership.file.watches,
         )
         self._stack.callback(part)

@@ -296,7 +296,7 @@ async def station(folder: Path, number: int, wanted: int, seconds: float, layout
     count = 1 if layout == WATCHED else wanted
     begin_s = loop.time()
     with open_exchange(own.node(), loop, topics, settings=own.settings()) as network:
-        join_platforms(network, inside, topics, name, signer=own.signer(), watched=own.file.watches)
+        join_platforms(network, inside, topics, name, signer=own.signer(), unsent=sys.exit, watched=own.file.watches)
         while len(heard) < count and loop.time() < begin_s + FOUND_WITHIN_S:
             await asyncio.sleep(0.01)
         found_s = loop.time() - begin_s if len(heard) >= count else None

@@ -14,7 +14,7 @@ from gloc3.errors import NoContact, Refused
 from gloc3.network import invitations, register
 from gloc3.network.access import MemberRole
 from gloc3.network.authority import read_key
-from gloc3.network.enrolment import fingerprint, request_key
+from gloc3.network.enrolment import RequestedKeys, fingerprint, requested_keys
 from gloc3.network.file import read_network
 from gloc3.network.invitations import MOST_OPEN, MOST_WRONG, Invitation, OneTimeCode, files_of, join
 
@@ -31,8 +31,8 @@ class Inviting:
         self.invitation = Invitation("dora", self._enrol, self.told.append)
 
     def _enrol(self, request: bytes) -> dict[str, str]:
-        key = request_key(request, "dora", "its request")
-        register.add(self.yard.folder, "dora", OPERATOR, NOW, LONG, is_renewed=False, key=key)
+        keys = requested_keys(request, "dora", "its request")
+        register.add(self.yard.folder, "dora", OPERATOR, NOW, LONG, is_renewed=False, keys=keys)
         return files_of(self.yard.folder / "dora")
 
 
@@ -69,7 +69,7 @@ def test_a_newcomer_joins_with_a_key_that_never_leaves_its_computer(tmp_path: Pa
         assert "nothing listens at 127.0.0.1:" in second.text
     assert "the files changed for pelican.main" in there.text
     own = read_network(laptop / "dora" / "network.yaml", NOW)
-    digits = fingerprint(read_key(laptop / "dora" / "key.pem").public_key())
+    digits = fingerprint(RequestedKeys(read_key(laptop / "dora" / "key.pem").public_key()))
     assert f"dora has joined; fingerprint of its key: {digits}" in there.text
     assert own.file.connect
     assert own.revocations is not None

@@ -108,7 +108,9 @@ async def test_a_log_comes_over_a_session_that_breaks_off_five_times(
         async with relayed(yard, "alice") as relay:
             with yard.open("pelican.main") as main, yard.open("alice") as network:
                 vessel, exchange = Vessel(yard, main, there, workers), LocalExchange(topics)
-                part = join_platforms(network, exchange, topics, "alice", signer=yard.membership("alice").signer())
+                part = join_platforms(
+                    network, exchange, topics, "alice", signer=yard.membership("alice").signer(), unsent=pytest.fail
+                )
                 station = Station(exchange, loop, "alice", 9)
                 breaks = [SIZE * number // 6 for number in range(1, 6)]
 

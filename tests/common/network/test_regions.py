@@ -102,7 +102,11 @@ async def test_a_station_above_gets_the_health_of_all_and_details_of_whom_it_wat
             network.here.subscribe(pattern, lambda one: received.__setitem__(one.topic, one.payload))
         membership = yard.membership("dora")
         watched = membership.file.watches
-        stack.callback(join_platforms(network, dora, topics, "dora", signer=membership.signer(), watched=watched))
+        stack.callback(
+            join_platforms(
+                network, dora, topics, "dora", signer=membership.signer(), unsent=pytest.fail, watched=watched
+            )
+        )
         publishers = Publisher(pelican, "pelican", "ci", 1), Publisher(heron, "heron", "ci", 1)
 
         def is_there() -> bool:

@@ -58,7 +58,9 @@ class Alice:
         self.exchange = LocalExchange(topics)
         self.replies: list[CiReply] = []
         self.exchange.subscribe("pelican/ci/reply", lambda one: self.replies.append(one.payload))
-        self.part = join_platforms(network, self.exchange, topics, "alice", signer=yard.membership("alice").signer())
+        self.part = join_platforms(
+            network, self.exchange, topics, "alice", signer=yard.membership("alice").signer(), unsent=pytest.fail
+        )
         self._publisher, self._sequence = Publisher(self.exchange, "alice", "ci", 9), 0
 
     async def request(self, server: Server, within_s: float = 15.0) -> Envelope[CiRequest]:

@@ -101,7 +101,9 @@ async def test_a_station_asks_commands_and_is_answered_under_its_own_name(tmp_pa
         alice = LocalExchange(topics)
         replies: list[CiReply] = []
         alice.subscribe("pelican/ci/reply", lambda e: replies.append(e.payload))
-        part = join_platforms(network, alice, topics, "alice", signer=yard.membership("alice").signer())
+        part = join_platforms(
+            network, alice, topics, "alice", signer=yard.membership("alice").signer(), unsent=pytest.fail
+        )
         publisher = Publisher(alice, "alice", "ci", 9)
         until_s = asyncio.get_running_loop().time() + 30.0
         for sequence in range(1000):
@@ -282,7 +284,9 @@ async def test_velocities_that_are_asked_for_by_hand_come_under_the_name_of_an_o
         server = Server(main, yard)
         main.subscribe("pelican/velocity_demand", used.append)
         alice = LocalExchange(topics)
-        part = join_platforms(network, alice, topics, "alice", signer=yard.membership("alice").signer())
+        part = join_platforms(
+            network, alice, topics, "alice", signer=yard.membership("alice").signer(), unsent=pytest.fail
+        )
         publisher = Publisher(alice, "alice", "ci", 9)
         for sequence in range(1000):
             server.summarise()

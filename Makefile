@@ -12,8 +12,10 @@ KEY ?=
 
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
+# A notice of the site's theme about its successor, at each build.
+export NO_MKDOCS_2_WARNING := 1
 
-.PHONY: demo test unit check bench fuzz evidence schema docs pictures site lock release clean
+.PHONY: demo test unit check bench fuzz evidence schema docs pictures lock release clean
 
 demo: $(READY)  ## simulated vehicle, onboard process and ground station, as three processes
 	$(BIN)/gloc3 demo $(MISSION) --out runs/demo
@@ -24,11 +26,12 @@ test: $(READY)  ## all tests, every bar in a reduced form
 unit: $(READY)  ## the quick ones: no flights, simulators, sockets, processes, searches or pictures
 	$(BIN)/python -m tests.unit
 
-check: $(READY)  ## format, lint, types, import contracts
+check: $(READY)  ## format, lint, types, import contracts, and the documentation as a site without a dead link
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/mypy $(SOURCES)
 	$(BIN)/lint-imports
+	$(BIN)/python -m mkdocs build --strict --quiet
 
 bench: $(READY)  ## what the parts cost
 	$(BIN)/python -m tests.benchmarks
@@ -44,14 +47,12 @@ schema: $(READY)  ## the JSON Schemas of mission files, platform files and the s
 	$(BIN)/gloc3 platform schema --out docs/schema/platform.schema.json
 	$(BIN)/gloc3 station schema --out docs/schema/station-lines.schema.json
 
-docs: $(READY)  ## the pages and NOTICE that are made from the code, and the titles of the evidence
+docs: $(READY)  ## the pages that are made from the code, then all of them as a site in site/; to search in it, serve it: python3 -m http.server -d site
 	$(BIN)/python -m tests.house
+	$(BIN)/python -m mkdocs build --strict --quiet
 
 pictures: $(READY)  ## the pictures in the docs, from simulated flights; NAME=… for one set of them, such as demo
 	$(BIN)/python -m tests.pictures $(NAME)
-
-site: $(READY)  ## the documentation as a site, in site/; to search in it, serve it: python3 -m http.server -d site
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 lock:  ## after a change of the dependencies: new hashes
 	test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv
@@ -60,7 +61,7 @@ lock:  ## after a change of the dependencies: new hashes
 	$(BIN)/uv pip compile -q --group fuzz --generate-hashes --universal \
 	    --python-version 3.11 --no-header --no-annotate -o requirements-fuzz.txt
 
-release: $(READY)  ## all that is published of a version, in dist/; KEY=FILE signs it with a private key of OpenSSH
+release: $(READY)  ## all that is published of a version, in dist/, once its notes are ready; KEY=FILE signs it with a private key of OpenSSH
 	$(BIN)/python -m tests.release $(if $(KEY),--key "$(KEY)")
 
 clean:

@@ -74,6 +74,17 @@ def test_the_tests_that_a_page_names_as_proof_exist() -> None:
     assert [one for one in re.findall(r"`(tests/[\w/.]+)`", text) if not (ROOT / one).is_file()] == []
 
 
+def test_every_hazard_of_the_safety_case_has_a_measure_and_a_test() -> None:
+    text = (ROOT / "docs" / "safety.md").read_text(encoding="utf-8")
+    hazards = text.partition("| hazard | measure | test | evidence |")[2].partition("\n\n")[0].splitlines()[2:]
+    rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in hazards]
+    assert len(rows) > 12
+    assert [row[0] for row in rows if len(row) < 3 or not row[1] or "`tests/" not in row[2]] == []
+    named = [one for row in rows for one in re.findall(r"`(tests/[\w/.]+)`", row[2])]
+    assert [one for one in named if not (ROOT / one).exists()] == []
+    assert {"## Limits of use", "## Before the flight", "## In an emergency"} <= set(text.splitlines())
+
+
 def test_the_comparison_names_each_of_the_usual_systems() -> None:
     text = (ROOT / "docs" / "comparison.md").read_text(encoding="utf-8")
     names = ["MAVROS", "px4_ros2", "Aerostack2", "MRS", "MAVSDK", "BlueOS", "MOOS-IvP", "QGroundControl", "MAVProxy"]

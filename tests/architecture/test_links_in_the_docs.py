@@ -33,6 +33,15 @@ def test_tests_that_are_named_exist(page: Path) -> None:
     assert [name for name in named if not (ROOT / name).exists()] == []
 
 
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page.parent.name != "evidence"], ids=lambda page: str(page.relative_to(ROOT))
+)
+def test_files_and_folders_of_the_repository_that_are_named_exist(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+    named = re.findall(r"`((?:common|onboard|groundstation|sitl|docs)/[\w./*-]+)`", text)
+    assert [name for name in named if not any(ROOT.glob(name))] == []
+
+
 @pytest.mark.parametrize("picture", sorted((ROOT / "docs").rglob("*.svg")), ids=lambda picture: picture.name)
 def test_pictures_are_whole_and_fetch_nothing(picture: Path) -> None:
     text = picture.read_text()

@@ -16,15 +16,19 @@ from packaging.requirements import Requirement
 from referencing import Registry
 from referencing.jsonschema import DRAFT7
 from tests.fresh_root import run_in_fresh_root, why_not
-from tests.release.build import CHECKSUMS, DOCKERFILE, NAMESPACE, REQUIREMENTS, checksums, release, sign
+from tests.release.build import CHECKSUMS, DOCKERFILE, NAMESPACE, NOTES, REQUIREMENTS, checksums, release, sign
 from tests.release.closure import VEHICLE, closure, locked
 from tests.release.debian import TARGETS, lay, pack
+from tests.release.notes import CHANGES, PLACES, obstacles
 from tests.release.sbom import PROJECT, bill
 
+from gloc3.messages.vehicle import Style
+from gloc3_onboard.checks.tables import table_of
 from gloc3_onboard.cli.onboard import app
 
 pytestmark = pytest.mark.thorough
 
+ROOT = Path(__file__).parents[2]
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
@@ -37,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_release_has_every_part_and_checksums_that_hold(folder: Path) -> None:
     version = PROJECT["version"]
     names = {f"gloc3-{version}-py3-none-any.whl", f"gloc3-{version}.tar.gz", f"gloc3-{version}.cdx.json"}
-    assert {path.name for path in folder.iterdir()} == {*names, REQUIREMENTS, DOCKERFILE.name, CHECKSUMS}
+    assert {path.name for path in folder.iterdir()} == {*names, REQUIREMENTS, DOCKERFILE.name, NOTES, CHECKSUMS}
     check = ["sha256sum", "--check", "--strict", CHECKSUMS]
     assert subprocess.run(check, cwd=folder, capture_output=True, check=False).returncode == 0
     (folder / "changed").write_text("1")
@@ -46,6 +50,54 @@ def test_a_release_has_every_part_and_checksums_that_hold(folder: Path) -> None:
     done = subprocess.run(check[:-1], cwd=folder, input=line, capture_output=True, check=False, text=True)
     assert "changed: FAILED" in done.stdout
     (folder / "changed").unlink()
+
+
+def test_the_notes_of_a_release_need_no_other_page(folder: Path) -> None:
+    text = (folder / NOTES).read_text(encoding="utf-8")
+    assert text.startswith(f"# GLOC3 {PROJECT['version']}\n")
+    assert re.findall(r"^### (.+)$", text, re.MULTILINE) == [
+        "What you can do with it",
+        "What you need",
+        "Before you update",
+        "Known limits",
+    ]
+    assert "](" not in text
+
+
+def test_the_oldest_firmware_is_that_of_the_checks() -> None:
+    px4, ardupilot = (".".join(map(str, table_of(style).least_firmware[:2])) for style in (Style.PX4, Style.ARDUPILOT))
+    for page in ("release-notes.md", "tutorials/first-vehicle.md"):
+        assert f"PX4 {px4} or ArduPilot {ardupilot}, or newer" in (ROOT / "docs" / page).read_text(encoding="utf-8")
+
+
+def test_changelog_notes_code_and_container_are_of_the_version_of_the_project() -> None:
+    assert list(obstacles(PROJECT["version"], is_tagged=False)) == []
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_a_file_of_another_version_stops_the_release(name: str, tmp_path: Path) -> None:
+    for each in PLACES:
+        (tmp_path / each).parent.mkdir(parents=True, exist_ok=True)
+        text = (ROOT / each).read_text(encoding="utf-8")
+        (tmp_path / each).write_text(text if each != name else text.replace(PROJECT["version"], "9.9.9"))
+    (found,) = obstacles(PROJECT["version"], is_tagged=False, root=tmp_path)
+    assert found == f"{name} is for version 9.9.9, pyproject.toml for {PROJECT['version']}"
+
+
+def test_a_tagged_version_has_a_date(tmp_path: Path) -> None:
+    for each in PLACES:
+        (tmp_path / each).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / each).write_text((ROOT / each).read_text(encoding="utf-8"))
+    version = PROJECT["version"]
+    heading = f"## {version} ("
+    text = (tmp_path / CHANGES).read_text(encoding="utf-8")
+    (tmp_path / CHANGES).write_text(
+        re.sub(rf"^{re.escape(heading)}.*$", f"{heading}unreleased)", text, flags=re.MULTILINE)
+    )
+    (found,) = obstacles(version, is_tagged=True, root=tmp_path)
+    assert found.startswith(f"{CHANGES} has no date for {version}")
+    (tmp_path / CHANGES).write_text(text.replace(f"{heading}unreleased)", f"{heading}2026-12-01)"))
+    assert list(obstacles(version, is_tagged=True, root=tmp_path)) == []
 
 
 def test_a_signature_holds_for_the_signed_file_alone(tmp_path: Path) -> None:

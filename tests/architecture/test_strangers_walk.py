@@ -1,8 +1,9 @@
 """The three tasks of a newcomer, in short: each step's section exists, and shows the command or gives the file."""
 
 import pytest
-from tests.evidence.page import ROOT
-from tests.evidence.strangers_walk import GENERATED, OTHERS, TASKS, Step, section, taught
+from tests.evidence.page import INDEX, ROOT
+from tests.evidence.strangers_walk import DOCS, GENERATED, OTHERS, TASKS, Step, section, taught
+from tests.house.made import files
 
 pytestmark = pytest.mark.thorough
 
@@ -33,6 +34,11 @@ def test_a_section_ends_where_the_next_of_its_rank_begins() -> None:
     text = section("logs.md#why-did-it-land")
     assert "gloc3 log why" in text
     assert "## " not in text
+
+
+def test_every_file_that_is_made_from_the_code_is_compared_on_the_page() -> None:
+    made = {*files(), *(DOCS / "schema").iterdir(), INDEX}
+    assert set(GENERATED) == {path.relative_to(ROOT).as_posix() for path in made}
 
 
 def test_the_tests_that_are_named_exist() -> None:

@@ -33,6 +33,13 @@ GENERATED: Final = {
     "docs/walks.md": "tests/architecture/test_walks.py",
     "docs/public-api.md": "tests/architecture/test_public_api.py",
     "docs/troubleshooting.md": "tests/architecture/test_troubleshooting_page.py",
+    "docs/when-it-dies.md": "tests/architecture/test_explanation_pages.py",
+    "docs/performance.md": "tests/architecture/test_explanation_pages.py",
+    **{
+        f"docs/reference/{path.name}": "tests/architecture/test_reference_pages.py"
+        for path in sorted((DOCS / "reference").iterdir())
+    },
+    "docs/pictures/rooms.svg": "tests/architecture/test_rooms.py",
     "NOTICE": "tests/architecture/test_project_files.py",
     "docs/schema/mission.schema.json": "tests/common/mission/test_mission_schema.py",
     "docs/schema/platform.schema.json": "tests/onboard/cli/test_platform_schema.py",

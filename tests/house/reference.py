@@ -70,13 +70,6 @@ def _text(title: str, lines: Callable[[], Iterable[str]]) -> str:
     return "\n".join([f"# {title}\n", MADE, *lines()]).rstrip() + "\n"
 
 
-def write() -> None:
-    """Writes them."""
-    FOLDER.mkdir(exist_ok=True)
-    for path, text in pages().items():
-        path.write_text(text(), encoding="utf-8")
-
-
 def commands() -> Iterator[str]:
     """Commands with their options, and exit codes."""
     yield "Exit codes of all commands: 0 done, 1 failed, 2 wrong use, 130 interrupted. `gloc3 station --headless` has more:\n"

@@ -15,4 +15,7 @@ parser.add_argument("--no-debian", action="store_true", help="leave the Debian p
 given = parser.parse_args()
 if shutil.which("dpkg-deb") is None and not given.no_debian:
     sys.exit("dpkg-deb is not installed: it makes the Debian packages (--no-debian leaves them out)")
-release(given.folder, key=given.key, with_debian=not given.no_debian, report=print)
+try:
+    release(given.folder, key=given.key, with_debian=not given.no_debian, report=print)
+except ValueError as error:
+    sys.exit(str(error))

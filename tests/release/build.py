@@ -1,4 +1,4 @@
-"""The parts of a release: wheel, sdist, lock, Debian packages, container file, bill of materials, checksums, signature."""
+"""The parts of a release: wheel, sdist, lock, Debian packages, container file, bill of materials, notes, checksums, signature."""
 
 import hashlib
 import shutil
@@ -12,10 +12,12 @@ from typing import Final
 from tests.house.notice import ROOT
 from tests.release.closure import VEHICLE, closure, locked
 from tests.release.debian import TARGETS, Target, install_for, lay, pack
+from tests.release.notes import is_tagged, notes, obstacles
 from tests.release.sbom import PROJECT, bill
 
 REQUIREMENTS: Final = "requirements-vehicle.txt"
 CHECKSUMS: Final = "SHA256SUMS"
+NOTES: Final = "RELEASE-NOTES.md"
 NAMESPACE: Final = "gloc3-release"
 """Of the signature (ssh-keygen(1), `-Y sign`)."""
 DOCKERFILE: Final = Path(__file__).parent / "Dockerfile"
@@ -31,8 +33,14 @@ def release(folder: Path, *, key: Path | None, with_debian: bool, report: Report
         key: private key that signs the checksums.
         with_debian: whether Debian packages are made.
         report: called with a line for each part.
+
+    Raises:
+        ValueError: the version is not ready; says why.
     """
     version = str(PROJECT["version"])
+    tagged = is_tagged(version)
+    if found := list(obstacles(version, is_tagged=tagged)):
+        raise ValueError("\n".join(found))
     place = folder / f"gloc3-{version}"
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
@@ -44,12 +52,15 @@ def release(folder: Path, *, key: Path | None, with_debian: bool, report: Report
     requirements.write_text(locked(closure(VEHICLE)), encoding="utf-8")
     shutil.copy(DOCKERFILE, place)
     (place / f"gloc3-{version}.cdx.json").write_text(bill(), encoding="utf-8")
+    (place / NOTES).write_text(notes(version), encoding="utf-8")
     for target in TARGETS if with_debian else ():
         report(f"Debian package: {package(target, version, requirements, wheel).name}")
     files = sorted(path for path in place.iterdir() if path.is_file())
     (place / CHECKSUMS).write_text(checksums(files), encoding="ascii")
     for path in files:
         report(f"{path.stat().st_size / 1e6:8.1f} MB  {path}")
+    if not tagged:
+        report(f"not the released version: no tag v{version} names this commit")
     if key is None:
         report("unsigned: no key is given (make release KEY=FILE, a private key of OpenSSH)")
     else:

@@ -41,7 +41,9 @@ FROM_ELSEWHERE: Final = {
     "satellites": "the receiver of a platform that dives or drives",
     "wheels": "the encoders of a platform that drives",
     "estimator_pose": "the estimator of a platform that has one of another maker",
-    "obstacles": "the range scanner of a platform that has one",
+    "obstacles": "the range scanner or depth camera of a platform that has one",
+    "depth/*": "the depth camera of a platform that has one",
+    "cloud/*": "the depth camera of a platform that has one",
 }
 
 

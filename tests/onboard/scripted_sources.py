@@ -9,9 +9,17 @@ import numpy as np
 
 from gloc3.camera.model import CameraModel
 from gloc3.errors import Gloc3Error
-from gloc3.messages.perception import ImuSample, LaserScan
+from gloc3.messages.perception import DepthImage, ImuSample, LaserScan
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedImu, StampedPair, StampedScan, Unwatch
+from gloc3_onboard.sensors.devices import (
+    Bell,
+    StampedDepth,
+    StampedImage,
+    StampedImu,
+    StampedPair,
+    StampedScan,
+    Unwatch,
+)
 
 WIDTH, HEIGHT = 64, 48
 
@@ -24,6 +32,7 @@ class ScriptedSource:
         self.lost = ""
         self.now_frame: StampedImage | None = None
         self.now_pair: StampedPair | None = None
+        self.now_depth: StampedDepth | None = None
         self.now_scan: StampedScan | None = None
         self.measured: list[StampedImu] = []
         self.bell = Bell()
@@ -44,6 +53,9 @@ class ScriptedSource:
 
     def pair(self) -> StampedPair | None:
         return self.now_pair
+
+    def depth(self) -> StampedDepth | None:
+        return self.now_depth
 
     def scan(self) -> StampedScan | None:
         return self.now_scan
@@ -67,6 +79,12 @@ def picture(number: int = 0, width: int = WIDTH, height: int = HEIGHT, camera: s
     """A picture of noise, another one for each number."""
     data = np.random.default_rng(number).integers(40, 200, width * height, np.uint8).tobytes()
     return Image(camera=camera, width=width, height=height, data=data)
+
+
+def depth(number: int = 0) -> DepthImage:
+    """Depths of noise from 1 to 5 m, others for each number."""
+    data = np.random.default_rng(number).integers(1000, 5000, WIDTH * HEIGHT).astype("<u2").tobytes()
+    return DepthImage(camera="depth", width=WIDTH, height=HEIGHT, data=data, range_max_m=10.0)
 
 
 def scan(ranges_m: Sequence[float]) -> LaserScan:

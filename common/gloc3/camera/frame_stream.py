@@ -2,7 +2,7 @@
 
 Each record is a header (magic, time in microseconds since the vehicle's boot, sizes, length of the sensor's name), the
 name, and the data: rows of 8-bit grey values of a camera's frame (with another magic, rows of blue, green and red follow),
-or 32-bit ranges of a scan. The two frames of a stereo pair are two records with one time. A client first sends one line
+rows of 16-bit depths of a depth camera's, or 32-bit ranges of a scan. The two frames of a stereo pair are two records with one time. A client first sends one line
 with the names of the sensors that it wants, separated by spaces; a camera's name with `COLOUR` behind it for its
 pictures in colour.
 """
@@ -16,9 +16,11 @@ from gloc3.errors import Gloc3Error, Misuse
 MAGIC: Final = b"G3F1"
 COLOUR_MAGIC: Final = b"G3C1"
 SCAN_MAGIC: Final = b"G3S1"
+DEPTH_MAGIC: Final = b"G3D1"
 COLOUR: Final = ":colour"
 _HEADER: Final = struct.Struct("<4sQHHB")
 _SCAN_HEADER: Final = struct.Struct("<4sQHB5f")
+_DEPTH_HEADER: Final = struct.Struct("<4sQHHB3f")
 MOST_PIXELS: Final = 16_000_000
 MOST_REQUEST_BYTES: Final = 1024
 """The longest line of a client."""
@@ -57,6 +59,24 @@ class ScanFrame(NamedTuple):
     """32-bit floats, little endian, one a beam."""
 
 
+class DepthFrame(NamedTuple):
+    """A depth camera's frame; as `gloc3.messages.perception.DepthImage`, its numbers in 32 bits."""
+
+    boot_us: int
+    """Time of exposure, in microseconds since boot of the vehicle."""
+    camera: str
+    width: int
+    height: int
+    scale_m: float
+    range_min_m: float
+    range_max_m: float
+    data: bytes
+    """Rows of 16-bit unsigned integers, little endian, `2 * height * width` bytes."""
+
+
+StreamRecord = CameraFrame | DepthFrame | ScanFrame
+
+
 def encode(frame: CameraFrame) -> bytes:
     """A frame as bytes.
 
@@ -86,6 +106,21 @@ def encode_scan(scan: ScanFrame) -> bytes:
     return _SCAN_HEADER.pack(SCAN_MAGIC, scan.boot_us, beams, len(name), *numbers) + name + scan.ranges_m
 
 
+def encode_depth(frame: DepthFrame) -> bytes:
+    """A depth camera's frame as bytes.
+
+    Raises:
+        Misuse: the data is not that of the frame's width and height, or a number does not fit.
+    """
+    name, numbers = frame.camera.encode(), frame[4:7]
+    is_whole = 0 < 2 * frame.width * frame.height == len(frame.data) <= 2 * MOST_PIXELS
+    is_whole = is_whole and max(frame.width, frame.height) <= 0xFFFF and all(map(math.isfinite, numbers))
+    if not is_whole or len(name) > 255 or frame.boot_us < 0:
+        raise Misuse(f"{len(frame.data)} bytes are not depths of {frame.width} x {frame.height} pixels")
+    header = _DEPTH_HEADER.pack(DEPTH_MAGIC, frame.boot_us, frame.width, frame.height, len(name), *numbers)
+    return b"".join((header, name, frame.data))
+
+
 def encode_stream_request(*sensors: str) -> bytes:
     """Encodes the line with which a client requests sensors by name."""
     return " ".join(sensors).encode() + b"\n"
@@ -102,19 +137,25 @@ class FrameReader:
     def __init__(self) -> None:
         self._remainder = bytearray()
 
-    def receive(self, data: bytes) -> list[CameraFrame | ScanFrame]:
+    def receive(self, data: bytes) -> list[StreamRecord]:
         """Receives bytes and returns the records that are complete.
 
         Raises:
             FrameError: the bytes are not valid records; the stream must be reopened.
         """
         self._remainder += data
-        found: list[CameraFrame | ScanFrame] = []
+        found: list[StreamRecord] = []
         while len(self._remainder) >= _HEADER.size:
             magic = bytes(self._remainder[:4])
-            if magic not in (MAGIC, COLOUR_MAGIC, SCAN_MAGIC):
+            used: tuple[StreamRecord, int] | None
+            if magic in (MAGIC, COLOUR_MAGIC):
+                used = self._frame(is_coloured=magic == COLOUR_MAGIC)
+            elif magic == SCAN_MAGIC:
+                used = self._scan()
+            elif magic == DEPTH_MAGIC:
+                used = self._depth()
+            else:
                 raise FrameError("not a stream of camera frames and scans")
-            used = self._scan() if magic == SCAN_MAGIC else self._frame(is_coloured=magic == COLOUR_MAGIC)
             if used is None:
                 break
             record, end = used
@@ -147,6 +188,20 @@ class FrameReader:
         least, step, near, far, duration = numbers
         name, ranges = self._name(_SCAN_HEADER.size, begin), bytes(self._remainder[begin:end])
         return ScanFrame(boot_us, name, least, step, near, far, duration, ranges), end
+
+    def _depth(self) -> tuple[DepthFrame, int] | None:
+        if len(self._remainder) < _DEPTH_HEADER.size:
+            return None
+        _, boot_us, width, height, name_length, *numbers = _DEPTH_HEADER.unpack_from(self._remainder)
+        if not 0 < width * height <= MOST_PIXELS or not all(map(math.isfinite, numbers)):
+            raise FrameError(f"depths of {width} x {height} pixels")
+        begin = _DEPTH_HEADER.size + name_length
+        end = begin + 2 * width * height
+        if len(self._remainder) < end:
+            return None
+        scale, near, far = numbers
+        name, data = self._name(_DEPTH_HEADER.size, begin), bytes(self._remainder[begin:end])
+        return DepthFrame(boot_us, name, width, height, scale, near, far, data), end
 
     def _name(self, begin: int, end: int) -> str:
         return bytes(self._remainder[begin:end]).decode("ascii", "replace")

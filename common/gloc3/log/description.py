@@ -9,8 +9,8 @@ import msgspec
 
 from gloc3.camera.model import CameraModel
 from gloc3.log.foxglove.layout import LAYOUT_FILE, SCENE_TOPICS, layout
-from gloc3.log.foxglove.scene import CALIBRATION_SCHEMA, body_frame, calibration
-from gloc3.log.foxglove.schemas import NED_FRAME, transform
+from gloc3.log.foxglove.scene import CALIBRATION_SCHEMA, calibration
+from gloc3.log.foxglove.schemas import NED_FRAME, body_frame, transform
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE, Recorder
 from gloc3.log.selection import period_s
 from gloc3.messages.frames import Quaternion, Vector3, from_euler, multiply
@@ -66,7 +66,8 @@ class RunDescription:
             topic for row in platform.components for port in row.load_class().outputs for topic in row.topics(port)
         }
         cameras = [name for name in self._cameras if is_recorded(f"camera/{name}")]
-        scene = [topic for topic in SCENE_TOPICS if topic in published and is_recorded(topic)]
+        clouds = sorted(topic for topic in published if topic.startswith("cloud/"))
+        scene = [topic for topic in (*SCENE_TOPICS, *clouds) if topic in published and is_recorded(topic)]
         (folder / LAYOUT_FILE).write_bytes(layout(platform.platform, cameras, scene))
 
     def _transforms(self) -> Iterator[dict[str, Any]]:

@@ -39,6 +39,39 @@ class LaserScan(Message, frozen=True):
     reason: str = ""
 
 
+class DepthImage(Message, frozen=True):
+    """A depth camera's frame: the distance of what each pixel shows, along the optical axis (z of *rdf*)."""
+
+    camera: str
+    """The camera whose calibration says where each pixel looks."""
+    width: int
+    height: int
+    data: bytes
+    """Rows of 16-bit unsigned integers, `2 * height * width` bytes: depths in units of `scale_m`, 0 where none was
+    measured."""
+    scale_m: float = 0.001
+    range_min_m: float = 0.0
+    """What is nearer is not measured."""
+    range_max_m: float = 65.535
+    """What is farther away is not measured."""
+    is_valid: bool = True
+    reason: str = ""
+
+
+class PointCloud(Message, frozen=True):
+    """Points that a depth camera or a 3D scanner has measured, in the axes of the vehicle's body (*frd*)."""
+
+    sensor: str
+    data: bytes
+    """Rows of x, y and z in metres as 32-bit floats, `12 * n` bytes, in any order."""
+    origin_frd_m: Vector3 = (0.0, 0.0, 0.0)
+    """The point from which they were seen."""
+    range_max_m: float = 0.0
+    """What is farther away is not measured."""
+    is_valid: bool = True
+    reason: str = ""
+
+
 CELL_UNKNOWN: Final = 0
 CELL_FREE: Final = 1
 CELL_OCCUPIED: Final = 2

@@ -11,6 +11,7 @@ from gloc3.messages.motion import MotionSummary, SiteSummary
 from gloc3.messages.neighbours import Neighbours, SeparationState
 from gloc3.messages.perception import (
     BottomVelocity,
+    DepthImage,
     EstimatorPose,
     Features,
     FusionState,
@@ -18,6 +19,7 @@ from gloc3.messages.perception import (
     LaserScan,
     OccupancyMap,
     Odometry,
+    PointCloud,
     PositionFix,
     SatelliteFix,
     WheelDistances,
@@ -74,6 +76,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "computer": TopicRow(ComputerState, 1.0),
     "obstacles": TopicRow(ObstacleScan, 5.0),
     "camera/*": TopicRow(Image, 15.0, is_logged=False, service=TopicService.BULK),
+    "depth/*": TopicRow(DepthImage, 10.0, is_logged=False, service=TopicService.BULK, is_inner=True),
     "imu": TopicRow(ImuSample, 100.0, is_logged=False),
     "laser": TopicRow(LaserScan, 10.0, is_logged=False),
     "dvl": TopicRow(BottomVelocity, 8.0),
@@ -81,6 +84,7 @@ TOPICS: Final[Mapping[str, TopicRow]] = {
     "estimator_pose": TopicRow(EstimatorPose, 30.0, is_inner=True),
     "satellites": TopicRow(SatelliteFix, 5.0),
     # processors
+    "cloud/*": TopicRow(PointCloud, 10.0, is_logged=False, service=TopicService.BULK, is_inner=True),
     "features/*": TopicRow(Features, 15.0, is_logged=False),
     "odometry/*": TopicRow(Odometry, 10.0),
     "position_fix/*": TopicRow(PositionFix, 10.0),

@@ -7,7 +7,15 @@ from gloc3.camera.model import CameraModel
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import GeoPoint, Vector3
-from gloc3.messages.perception import BottomVelocity, EstimatorPose, ImuSample, LaserScan, SatelliteFix, WheelDistances
+from gloc3.messages.perception import (
+    BottomVelocity,
+    DepthImage,
+    EstimatorPose,
+    ImuSample,
+    LaserScan,
+    SatelliteFix,
+    WheelDistances,
+)
 from gloc3.messages.vehicle import (
     AutopilotPose,
     AutopilotState,
@@ -45,6 +53,13 @@ class StampedPair(NamedTuple):
     t_s: float
     left: Image
     right: Image
+
+
+class StampedDepth(NamedTuple):
+    """A depth camera's frame with its time of validity."""
+
+    t_s: float
+    depth: DepthImage
 
 
 class StampedScan(NamedTuple):
@@ -197,6 +212,13 @@ class StereoCamera(SensorSource, Protocol):
 
     def pair(self) -> StampedPair | None:
         """The latest two frames; None before the first."""
+
+
+class DepthCamera(SensorSource, Protocol):
+    """A camera that measures how far away what it sees is."""
+
+    def depth(self) -> StampedDepth | None:
+        """The latest frame; None before the first."""
 
 
 class Laser(SensorSource, Protocol):

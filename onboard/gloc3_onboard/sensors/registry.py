@@ -1,4 +1,4 @@
-"""The kinds of sensors and of their sources: found in `sensors/sources` and installed packages, created from URLs.
+"""The kinds of sensors and of their sources: found in two rooms and installed packages, created from URLs.
 
 A package adds its own by an entry point of the group `gloc3.sensors`, which names a module with `SENSORS` or `SOURCES`.
 """
@@ -17,7 +17,7 @@ from gloc3.installed import installed_points
 from gloc3.messages.vehicle import Image
 from gloc3.platform.platform import Platform
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
-from gloc3_onboard.sensors import sources
+from gloc3_onboard.sensors import camera_sources, sources
 from gloc3_onboard.sensors.devices import HeightSensor
 from gloc3_onboard.sensors.replay import LogTime, Recorded
 from gloc3_onboard.sensors.source_url import Options, SourceUrl, device_problem, option_problem
@@ -132,7 +132,10 @@ def source_kinds() -> Mapping[str, SourceKind]:
 
 @cache
 def _rows() -> tuple[Mapping[str, SensorKind], Mapping[str, SourceKind]]:
-    modules = [import_module(f"{sources.__name__}.{one.name}") for one in pkgutil.iter_modules(sources.__path__)]
+    rooms = (camera_sources, sources)
+    modules = [
+        import_module(f"{room.__name__}.{one.name}") for room in rooms for one in pkgutil.iter_modules(room.__path__)
+    ]
     modules += [point.load() for point in installed_points(ENTRY_POINTS)]
     sensors: dict[str, SensorKind] = {}
     schemes: dict[str, SourceKind] = {}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
-from gloc3.messages.perception import BottomVelocity, EstimatorPose, LaserScan
+from gloc3.messages.perception import BottomVelocity, DepthImage, EstimatorPose, LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_sitl.physics.truth import Truth
 
@@ -31,6 +31,13 @@ class PairExposure(NamedTuple):
     t_s: float
     left: Image
     right: Image
+
+
+class FaultyDepth(NamedTuple):
+    """A depth picture with its time, as a depth camera's sampler reads it."""
+
+    t_s: float
+    depth: DepthImage
 
 
 class FaultyScan(NamedTuple):
@@ -65,12 +72,12 @@ class DeviceFault(NamedTuple):
     """A fault of a device."""
 
     word: str
-    """A key of `ALL`, or of `CAMERA` or `LASER`."""
+    """A key of `ALL`, or of `CAMERA`, `DEPTH` or `LASER`."""
     size: float | None = None
     """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
 
 
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading, Estimated)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyDepth, FaultyScan, Bottom, FaultyReading, Estimated)
 
 ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
 """In this order: no data; repeated data with new times; late data; late data with new times; measured motion too long
@@ -130,6 +137,8 @@ def corrupted(used: T, fault: DeviceFault | None) -> T:
         return used._replace(value=used.value * factor)
     if isinstance(used, Estimated):
         return used
+    if isinstance(used, FaultyDepth):
+        return used._replace(depth=_corrupted_depth(used.depth, fault, used.t_s))
     if isinstance(used, Bottom):
         return used._replace(bottom=_corrupted_bottom(used.bottom, fault))
     if fault is None or (fault.word in ALL and not (isinstance(used, FaultyScan) and fault.word == "scaled")):
@@ -182,6 +191,27 @@ CAMERA: Final[Mapping[str, Callable[..., Image]]] = {
     "garbage": _garbage,
 }
 """Faults of cameras."""
+
+DEPTH: Final = ("zero", "torn", "garbage")
+"""Faults of depth cameras: no pixel has a depth, the lower part is missing, or anything. A scaled one's are too long."""
+
+
+def _corrupted_depth(depth: DepthImage, fault: DeviceFault | None, t_s: float) -> DepthImage:
+    spoils: Mapping[str, Callable[[], bytes]] = {
+        "zero": lambda: bytes(len(depth.data)),
+        "torn": lambda: depth.data[: len(depth.data) * 2 // 3],
+        "garbage": lambda: _random(depth.camera, t_s).bytes(len(depth.data)),
+        "scaled": lambda: _lengthened(depth, 1.0 + size_of(fault) if fault is not None else 1.0),
+    }
+    if fault is None or fault.word not in spoils:
+        return depth
+    return msgspec.structs.replace(depth, data=spoils[fault.word]())
+
+
+def _lengthened(depth: DepthImage, factor: float) -> bytes:
+    units = np.rint(np.frombuffer(depth.data, "<u2") * factor)
+    return np.where(units * depth.scale_m <= depth.range_max_m, units, 0).astype("<u2").tobytes()
+
 
 LASER: Final = ("zero", "far", "nan", "garbage")
 """Faults of scanners: all ranges are 0, the greatest, no number, or anything. A scaled one's are too long by a share."""

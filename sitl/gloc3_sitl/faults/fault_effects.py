@@ -7,7 +7,7 @@ from typing import Any, Final
 from gloc3.errors import Refused, nearest
 from gloc3_sitl.autopilot.modes import Behaviour, StyleTables
 from gloc3_sitl.faults.computer_faults import COMPUTER
-from gloc3_sitl.faults.device_faults import ALL, CAMERA, LASER, SIZES, DeviceFault
+from gloc3_sitl.faults.device_faults import ALL, CAMERA, DEPTH, LASER, SIZES, DeviceFault
 from gloc3_sitl.faults.effect import Effect, nothing
 from gloc3_sitl.faults.fault_form import Ended, FaultForm, Parsed
 from gloc3_sitl.faults.link_faults import LINKS
@@ -15,7 +15,7 @@ from gloc3_sitl.faults.operator_faults import OPERATOR
 from gloc3_sitl.faults.topic_faults import TOPIC_WORDS, check_topic, corrupt_topic
 from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
 from gloc3_sitl.flight.flight import Flight
-from gloc3_sitl.flight.sim_devices import NoDevice, SimDvl, SimEstimator, SimLaser, SimProbe
+from gloc3_sitl.flight.sim_devices import NoDevice, SimDepthCamera, SimDvl, SimEstimator, SimLaser, SimProbe
 from gloc3_sitl.flight.sim_imu import IMU, SimImu
 from gloc3_sitl.flight.sim_rig import SimDevice
 from gloc3_sitl.physics.wind import gusty
@@ -195,7 +195,7 @@ def _pilot(flight: Flight, given: Parsed, _: bool) -> Ended:
 
 _LIGHTS: Final = ("dark", "twin")
 """Of the vehicle's light: it is off; another shines beside it."""
-_DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *LASER, *_LIGHTS)))
+_DEVICE_WORDS: Final = tuple(dict.fromkeys((*ALL, *CAMERA, *DEPTH, *LASER, *_LIGHTS)))
 
 
 def devices_of(flight: Flight) -> dict[str, SimDevice | SimImu]:
@@ -210,6 +210,8 @@ def words_of(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
         return IMU
     if isinstance(device, SimLaser):
         return (*ALL, *LASER)
+    if isinstance(device, SimDepthCamera):
+        return (*ALL, *DEPTH)
     if isinstance(device, SimDvl | SimProbe | SimEstimator):
         return ALL
     return (*ALL, *CAMERA, *(_LIGHTS if name == "tracker_camera" else ()))

@@ -10,6 +10,7 @@ from gloc3_sitl.faults.device_faults import (
     Bottom,
     DeviceFault,
     Estimated,
+    FaultyDepth,
     FaultyFrame,
     FaultyReading,
     FaultyScan,
@@ -25,12 +26,13 @@ from gloc3_sitl.sensors.dvl import DvlModel
 from gloc3_sitl.sensors.estimator import EstimatorModel
 from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import SimulatedCamera
+from gloc3_sitl.world.depth_camera import SimulatedDepthCamera
 from gloc3_sitl.world.field_probe import FieldProbe
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyScan, Bottom, FaultyReading, Estimated)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyDepth, FaultyScan, Bottom, FaultyReading, Estimated)
 
 _KEPT: Final = 64
 """How many instants a trigger remembers, for devices that are late."""
@@ -165,6 +167,26 @@ class SimStereoCamera(_Device[PairExposure]):
 
     def _capture(self, truth: Truth) -> PairExposure:
         return PairExposure(truth.t_s, _image(self.left, truth), _image(self.right, truth))
+
+
+class SimDepthCamera(_Device[FaultyDepth]):
+    """A depth camera."""
+
+    def __init__(self, camera: SimulatedDepthCamera, trigger: CaptureTrigger) -> None:
+        super().__init__(trigger)
+        self.camera: Final = camera
+        """What it measures with."""
+
+    def depth(self) -> FaultyDepth | None:
+        """The latest frame; None before the first."""
+        return self._newest()
+
+    def _capture(self, truth: Truth) -> FaultyDepth:
+        return FaultyDepth(truth.t_s, self.camera.capture(truth))
+
+    def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+        """Depths of a scaled camera are too long; its position is right."""
+        return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
 
 
 class SimLaser(_Device[FaultyScan]):

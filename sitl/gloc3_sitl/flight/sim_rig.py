@@ -9,6 +9,7 @@ from gloc3_sitl.flight.sim_devices import (
     CaptureTrigger,
     NoDevice,
     SimCamera,
+    SimDepthCamera,
     SimDvl,
     SimEstimator,
     SimLaser,
@@ -20,14 +21,24 @@ from gloc3_sitl.sensors import dvl, estimator
 from gloc3_sitl.sensors.gimbal import SimulatedGimbal
 from gloc3_sitl.world import World, field_probe, rig
 from gloc3_sitl.world.camera import SimulatedCamera
+from gloc3_sitl.world.depth_camera import SimulatedDepthCamera
 from gloc3_sitl.world.tracker import TrackerCamera
 
-SIM_DEVICES: Final = ("ground_camera", "stereo_camera", "tracker_camera", "gimbal_camera", "laser", "dvl", "estimator")
+SIM_DEVICES: Final = (
+    "ground_camera",
+    "stereo_camera",
+    "tracker_camera",
+    "gimbal_camera",
+    "depth_camera",
+    "laser",
+    "dvl",
+    "estimator",
+)
 """Names of the devices that every vehicle has, as platforms call them."""
 PROBE: Final = "_probe"
 """End of the names of probes: `co2_probe` measures the field `co2` of the world."""
 
-SimDevice = SimCamera | SimStereoCamera | SimLaser | SimDvl | SimProbe | SimEstimator | NoDevice
+SimDevice = SimCamera | SimStereoCamera | SimDepthCamera | SimLaser | SimDvl | SimProbe | SimEstimator | NoDevice
 
 
 class SimRig:
@@ -60,12 +71,16 @@ class SimRig:
         self.tracker: Final = _tracker(world, seed)
         """The external camera; None in a world without."""
         self._models = {name: model for name, (model, _) in rig.CAMERAS.items()} | {"tracker": rig.TRACKER}
+        self._models[rig.DEPTH_IMAGER.name] = rig.DEPTH
         self._models |= {} if gimbal is None else {rig.GIMBAL_IMAGER.name: rig.GIMBAL}
         self.devices: Final[dict[str, SimDevice]] = {
             "ground_camera": SimCamera(ground, trigger(rig.GROUND_IMAGER.rate_hz)),
             "stereo_camera": SimStereoCamera(left, right, trigger(rig.FRONT_LEFT_IMAGER.rate_hz)),
             "tracker_camera": NoDevice(),
             "gimbal_camera": NoDevice(),
+            "depth_camera": SimDepthCamera(
+                SimulatedDepthCamera(world, rig.DEPTH, rig.DEPTH_IMAGER, seed), trigger(rig.DEPTH_IMAGER.rate_hz)
+            ),
             "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
             "dvl": SimDvl(trigger(dvl.RATE_HZ), seed),
             "estimator": SimEstimator(trigger(estimator.RATE_HZ), seed),

@@ -1,4 +1,4 @@
-"""TCP server of the simulated cameras and the laser scanner, for companion processes on the same machine."""
+"""TCP server of the simulated cameras, the depth camera and the laser scanner, for companion processes on the same machine."""
 
 import asyncio
 import errno
@@ -9,8 +9,10 @@ from gloc3.camera.frame_stream import (
     COLOUR,
     MOST_REQUEST_BYTES,
     CameraFrame,
+    DepthFrame,
     ScanFrame,
     encode,
+    encode_depth,
     encode_scan,
     read_stream_request,
 )
@@ -20,6 +22,7 @@ from gloc3_sitl.sensors.gimbal import SimulatedGimbal
 from gloc3_sitl.vehicles.scene import Scene
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import SimulatedCamera
+from gloc3_sitl.world.depth_camera import SimulatedDepthCamera
 from gloc3_sitl.world.laser import LaserScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
@@ -129,6 +132,8 @@ def _feeds(world: World, seed: int, gimbal: SimulatedGimbal | None) -> dict[str,
         for ending in ("", COLOUR):
             take = _picture_of(on_gimbal, is_coloured=bool(ending))
             feeds[name + ending] = Feed(rig.GIMBAL_IMAGER.rate_hz, _carried(take, gimbal))
+    depth = SimulatedDepthCamera(world, rig.DEPTH, rig.DEPTH_IMAGER, seed)
+    feeds[rig.DEPTH_IMAGER.name] = Feed(rig.DEPTH_IMAGER.rate_hz, _depth_of(depth))
     feeds[rig.LASER.name] = Feed(rig.LASER.rate_hz, _scan_of(LaserScanner(world, rig.LASER, seed)))
     return feeds
 
@@ -152,6 +157,25 @@ def _picture_of(camera: SimulatedCamera | TrackerCamera, *, is_coloured: bool = 
 def _carried(take: Callable[[Truth], bytes], gimbal: SimulatedGimbal) -> Callable[[Truth], bytes]:
     """Looks from the gimbal."""
     return lambda truth: take(gimbal.carrying(truth))
+
+
+def _depth_of(camera: SimulatedDepthCamera) -> Callable[[Truth], bytes]:
+    def handle(truth: Truth) -> bytes:
+        depth = camera.capture(truth)
+        return encode_depth(
+            DepthFrame(
+                round(truth.t_s * 1e6),
+                depth.camera,
+                depth.width,
+                depth.height,
+                depth.scale_m,
+                depth.range_min_m,
+                depth.range_max_m,
+                depth.data,
+            )
+        )
+
+    return handle
 
 
 def _scan_of(scanner: LaserScanner) -> Callable[[Truth], bytes]:

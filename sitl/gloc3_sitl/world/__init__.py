@@ -8,6 +8,7 @@ from gloc3_sitl.world.world import World
 __all__ = [
     "World",
     "camera",
+    "depth_camera",
     "field_probe",
     "geometry",
     "imager",

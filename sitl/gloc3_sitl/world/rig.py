@@ -1,4 +1,4 @@
-"""Cameras, lenses and laser scanner of the example vehicles.
+"""Cameras, lenses, depth camera and laser scanner of the example vehicles.
 
 The platform files name the same calibration; a real vehicle brings its own files.
 """
@@ -8,6 +8,7 @@ from typing import Final
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.messages.frames import from_euler
+from gloc3_sitl.world.depth_camera import DepthImager
 from gloc3_sitl.world.imager import Imager
 from gloc3_sitl.world.laser import LaserModel
 
@@ -75,3 +76,9 @@ TRACKER_IMAGER: Final = Imager(name="tracker", noise_grey=2.5, sensitivity=0.25)
 
 LASER: Final = LaserModel()
 """Laser scanner on top of the vehicle: full turn, 1 degree, 30 m, 10 mm."""
+
+DEPTH: Final = CameraModel(
+    width=160, height=90, focal_px=(84.0, 84.0), center_px=(79.5, 44.5), position_frd_m=(0.12, 0.0, -0.02)
+)
+"""Forward depth camera: 87 by 56 degrees, no distortion, every fifth pixel of a real one."""
+DEPTH_IMAGER: Final = DepthImager()

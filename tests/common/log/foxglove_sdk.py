@@ -10,7 +10,11 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from gloc3.log.foxglove.schemas import VIEWS
 
-OWN_FIELDS = {"foxglove.CompressedImage": {"data"}}
+OWN_FIELDS = {
+    "foxglove.CompressedImage": {"data"},
+    "foxglove.PointCloud": {"data"},
+    "foxglove.RawImage": {"data", "height", "width"},
+}
 """Fields of a message that are those of Foxglove's schema, too."""
 BESIDE = {view.schema: set(view.properties) for _, view in VIEWS}
 

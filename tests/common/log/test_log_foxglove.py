@@ -22,7 +22,7 @@ from gloc3.log.foxglove.scene import stamped
 from gloc3.log.record import CAMERAS_FILE, PLATFORM_FILE
 from gloc3.messages.envelope import Event, Severity, Source
 from gloc3.messages.frames import from_euler
-from gloc3.messages.perception import LaserScan, OccupancyMap, SatelliteFix
+from gloc3.messages.perception import DepthImage, LaserScan, OccupancyMap, PointCloud, SatelliteFix
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import AutopilotPose, Image, MotionLimits, ObstacleScan, Pose
@@ -51,7 +51,7 @@ def full_log() -> bytes:
     """All that Foxglove has a schema for."""
     platform = load_platform("pelican")
     cameras = {name: model for name, model in platform.cameras.items() if isinstance(model, CameraModel)}
-    log = LogInMemory(TopicTable(TOPICS), {"camera/*": True, "laser": True})
+    log = LogInMemory(TopicTable(TOPICS), {"camera/*": True, "laser": True, "depth/*": True, "cloud/*": True})
     RunDescription(platform, whole_text("pelican"), cameras).write(log.recorder)
     log.recorder.write_requested_path([(0.0, 0.0, -1.0), (4.0, 0.0, -1.0), (4.0, 2.0, -1.0)])
     ranges = array("f", [1.0, 2.0, float("inf")])
@@ -76,6 +76,8 @@ def full_log() -> bytes:
         ("obstacles", obstacles),
         ("map", MAP),
         ("camera/front_left", Image(camera="front_left", width=3, height=2, data=bytes(range(6)))),
+        ("depth/front", DepthImage(camera="depth", width=3, height=2, data=array("H", range(1000, 1006)).tobytes())),
+        ("cloud/front", PointCloud(sensor="depth", data=array("f", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).tobytes())),
         ("satellites", SatelliteFix(place_geo=(39.5, 2.5, 3.0))),
         ("components/pose/event", Event(severity=Severity.ERROR, text="broken")),
     ):
@@ -106,7 +108,7 @@ def test_every_message_is_one_of_the_schema_of_its_channel() -> None:
         seen.add(schema.removeprefix("foxglove."))
     assert seen == {
         "CameraCalibration", "CompressedImage", "FrameTransforms", "Grid", "LaserScan", "LocationFix", "Log", "PointCloud",
-        "PoseInFrame", "PosesInFrame", "SceneUpdate",
+        "PoseInFrame", "PosesInFrame", "RawImage", "SceneUpdate",
     }  # fmt: skip
 
 
@@ -130,6 +132,19 @@ def test_obstacles_are_a_cloud_of_points_and_spheres() -> None:
         one["spheres"] for _, _, values in shown("scene") for one in values["entities"] if "obstacles" in one["id"]
     ]
     assert spheres[0]["pose"]["position"] == {"x": 1.0, "y": 2.0, "z": -1.5}
+
+
+def test_a_depth_picture_is_a_raw_one_of_16_bits() -> None:
+    found = parsed("foxglove.RawImage", only("pelican/depth/front"))
+    assert (found.frame_id, found.encoding, found.width, found.height, found.step) == ("depth", "16UC1", 3, 2, 6)
+    assert list(array("H", found.data)) == [1000, 1001, 1002, 1003, 1004, 1005]
+
+
+def test_a_cloud_is_one_on_the_body() -> None:
+    cloud = parsed("foxglove.PointCloud", only("pelican/cloud/front"))
+    assert (cloud.frame_id, cloud.point_stride) == ("pelican/body", 12)
+    assert list(array("f", cloud.data)) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert [(field.name, field.offset, field.type) for field in cloud.fields] == [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)]
 
 
 def test_a_map_is_a_grid_whose_columns_run_north_with_the_height_up_to_which_cells_are_occupied() -> None:
@@ -281,6 +296,11 @@ def test_the_layout_beside_the_log_has_the_topics_that_are_published_and_recorde
     assert "pelican/camera/ground" in chosen
     assert "pelican/camera/front_left" not in chosen
     assert "pelican/laser" in chosen
+    row = 'name: depth_cloud, class: "gloc3_onboard.components.processors.depth_cloud:DepthCloudProcessor"'
+    ports = "trigger: depth, ports: {depth: depth/front, cloud: cloud/front}, devices: {rig: rig}"
+    (tmp_path / "seeing.yaml").write_text(f"platform: p\nextends: pelican_rtk\ncomponents:\n  - {{{row}, {ports}}}\n")
+    assert "p/cloud/front" in written(str(tmp_path / "seeing.yaml"), {"cloud/front": 1.0})
+    assert "cloud" not in written(str(tmp_path / "seeing.yaml"), {})
     without = written("pelican_rtk", {"laser": True})
     assert "pelican/pose" in without
     assert "obstacles" not in without

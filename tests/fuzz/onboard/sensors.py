@@ -16,7 +16,18 @@ from gloc3_onboard.sensors.sources.probe import LineDecoder
 from gloc3_onboard.sensors.sources.rplidar import scan_of
 from gloc3_onboard.sensors.sources.scip import ScipError, ScipReader, measure, parameters_of, turn_of
 
-DEVICES: Final = ("ground_camera", "laser", "imu", "stereo_camera", "dvl", "estimator", "height", "co2_probe", "x")
+DEVICES: Final = (
+    "ground_camera",
+    "laser",
+    "imu",
+    "stereo_camera",
+    "depth_camera",
+    "dvl",
+    "estimator",
+    "height",
+    "co2_probe",
+    "x",
+)
 SCHEMES: Final = tuple(sorted(source_kinds()))
 
 

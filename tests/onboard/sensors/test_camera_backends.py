@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gloc3.errors import Gloc3Error
+from gloc3_onboard.sensors.camera_sources import camera as video
+from gloc3_onboard.sensors.camera_sources.camera import VideoCamera
 from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sensors.registry import parse_source
-from gloc3_onboard.sensors.sources import camera as video
-from gloc3_onboard.sensors.sources.camera import VideoCamera
 
 NOW_S = 50.0
 

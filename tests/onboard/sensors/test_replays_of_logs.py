@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.data_folders import OUTSIDE
-from tests.onboard.scripted_sources import HEIGHT, WIDTH, euroc, measured, picture, scan
+from tests.onboard.scripted_sources import HEIGHT, WIDTH, depth, euroc, measured, picture, scan
 
 from gloc3.clock import Clock
 from gloc3.component.deployment import ComponentRow
@@ -18,11 +18,12 @@ from gloc3.component.test_bench import Bench
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import Publisher
 from gloc3.log.record import Recorder
-from gloc3.messages.perception import ImuSample, LaserScan
+from gloc3.messages.perception import DepthImage, ImuSample, LaserScan
 from gloc3.messages.topics import TopicRow, TopicTable
 from gloc3.messages.vehicle import HeightAboveGround, Image, ImageRecorded
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.components.samplers.camera import CameraSampler
+from gloc3_onboard.components.samplers.depth_camera import DepthCameraSampler
 from gloc3_onboard.components.samplers.height import HeightSampler
 from gloc3_onboard.components.samplers.imu import ImuSampler
 from gloc3_onboard.components.samplers.laser import LaserSampler
@@ -32,6 +33,7 @@ from gloc3_onboard.sensors.registry import SourceHost, make_sources
 SAMPLERS: dict[str, tuple[Any, float]] = {
     "camera": (CameraSampler, 20.0),
     "stereo_camera": (StereoCameraSampler, 20.0),
+    "depth_camera": (DepthCameraSampler, 20.0),
     "laser": (LaserSampler, 10.0),
     "imu": (ImuSampler, 200.0),
     "height": (HeightSampler, 20.0),
@@ -141,6 +143,7 @@ def logged(path: Path) -> None:
         "imu": TopicRow(ImuSample, 100.0),
         "height": TopicRow(HeightAboveGround, 20.0),
         "camera/*": TopicRow(Image, 10.0),
+        "depth/*": TopicRow(DepthImage, 10.0),
     }
     with Bench() as bench:
         recorder = Recorder(path, Clock(bench.loop), TopicTable(rows), {"platform": "bench"})
@@ -151,6 +154,7 @@ def logged(path: Path) -> None:
             t_s = bench.loop.time() - 0.02
             publisher.publish("bench/laser", scan([1.0, 2.0, 3.0 + number, math.inf]), t_s=t_s)
             publisher.publish("bench/imu", measured(0.0, 0.001 * number).sample, t_s=t_s)
+            publisher.publish("bench/depth/depth", depth(number), t_s=t_s)
             publisher.publish("bench/height", HeightAboveGround(height_m=1.0 + 0.1 * number, is_valid=True), t_s=t_s)
             for camera in ("front_left", "front_right"):
                 publisher.publish(f"bench/camera/{camera}", picture(number, camera=camera), t_s=t_s)
@@ -161,13 +165,15 @@ def test_every_sampler_takes_its_data_from_a_log_of_ours(tmp_path: Path) -> None
     logged(tmp_path / "log.mcap")
     with Bench() as bench:
         log = "mcap://log.mcap"
-        play(bench, tmp_path, laser=log, imu=log, height=log, stereo_camera=log, camera=f"{log}#camera/front_left")
+        urls = {"laser": log, "imu": log, "height": log, "stereo_camera": log, "depth_camera": log}
+        play(bench, tmp_path, **urls, camera=f"{log}#camera/front_left")
         bench.run(1.0)
-        for topic in ("laser", "imu", "height", "left", "right", "image"):
+        for topic in ("laser", "imu", "height", "left", "right", "image", "depth"):
             found = reported(bench, topic)
             assert [t_s for t_s, _ in found] == pytest.approx([0.1 * k for k in range(10)], abs=1e-6), topic
             assert all(payload.is_valid for _, payload in found), topic
         assert np.frombuffer(reported(bench, "laser")[4][1].ranges_m, "<f4").tolist() == [1.0, 2.0, 7.0, math.inf]
+        assert reported(bench, "depth")[4][1] == depth(4)
         assert reported(bench, "height")[4][1].height_m == pytest.approx(1.4)
         assert reported(bench, "right")[4][1].data == picture(4).data
 

@@ -14,6 +14,8 @@ from gloc3.errors import Misuse, Refused
 from gloc3.platform.reader import read_platform
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.sensors import registry, sources
+from gloc3_onboard.sensors.camera_sources.camera import camera_name
+from gloc3_onboard.sensors.camera_sources.stereo import pair_names
 from gloc3_onboard.sensors.registry import (
     SourceHost,
     SourceKind,
@@ -25,13 +27,12 @@ from gloc3_onboard.sensors.registry import (
     source_urls,
 )
 from gloc3_onboard.sensors.replay import LogTime
-from gloc3_onboard.sensors.sources.camera import camera_name
 from gloc3_onboard.sensors.sources.height import ReplayHeight
-from gloc3_onboard.sensors.sources.stereo import pair_names
 
 DEVICE_OF = {
     "stereo_camera": "front_stereo_camera",
     "camera": "ground_camera",
+    "depth_camera": "rear_depth_camera",
     "laser": "top_laser",
     "imu": "imu",
     "height": "sonar_height",

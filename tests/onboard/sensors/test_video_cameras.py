@@ -14,12 +14,12 @@ from tests.onboard.scripted_sources import ScriptedSource, picture
 from gloc3.errors import Gloc3Error
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors import threaded
+from gloc3_onboard.sensors.camera_sources.camera import VideoCamera
+from gloc3_onboard.sensors.camera_sources.stereo import PairedCameras, SideBySide, half
 from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sensors.pictures import pixels_for_people
 from gloc3_onboard.sensors.registry import parse_source
 from gloc3_onboard.sensors.source_url import device_problem
-from gloc3_onboard.sensors.sources.camera import VideoCamera
-from gloc3_onboard.sensors.sources.stereo import PairedCameras, SideBySide, half
 from gloc3_onboard.sensors.threaded import ThreadedSource
 
 WITHIN_S = 20.0

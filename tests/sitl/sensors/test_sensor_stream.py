@@ -9,7 +9,7 @@ import pytest
 from gloc3.camera.frame_stream import CameraFrame, encode
 from gloc3.errors import Refused
 from gloc3_onboard.sensors.devices import StampedImage
-from gloc3_onboard.sensors.sources.stream import StreamCamera, StreamLaser, StreamStereoCamera
+from gloc3_onboard.sensors.sources.stream import StreamCamera, StreamDepthCamera, StreamLaser, StreamStereoCamera
 from gloc3_sitl.vehicles.sensor_server import SensorServer
 from gloc3_sitl.vehicles.simulator import Simulator
 from gloc3_sitl.world import World
@@ -65,14 +65,15 @@ async def test_pairs_scans_and_the_tracker_arrive_beside_each_other_and_nothing_
     stereo = StreamStereoCamera(("front_left", "front_right"), address, lambda boot_s: boot_s)
     laser = StreamLaser("laser", address, lambda boot_s: boot_s)
     tracker = StreamCamera("tracker", address, lambda boot_s: boot_s)
+    depth = StreamDepthCamera("nose_depth", address, lambda boot_s: boot_s, "depth")
     grey = StreamCamera("ground", address, lambda boot_s: boot_s, pixels="")
     stranger = StreamCamera("nose", address, lambda boot_s: boot_s)
-    devices = (stereo, laser, tracker, grey, stranger)
+    devices = (stereo, laser, tracker, depth, grey, stranger)
     for device in devices:
         device.open()
     simulator.start(loop)
     try:
-        await until(lambda: None not in (stereo.pair(), laser.scan(), tracker.frame(), grey.frame()))
+        await until(lambda: None not in (stereo.pair(), laser.scan(), tracker.frame(), depth.depth(), grey.frame()))
         pair, turn, frame = stereo.pair(), laser.scan(), tracker.frame()
         await until(lambda: stereo.pair() is not pair)
     finally:
@@ -87,6 +88,12 @@ async def test_pairs_scans_and_the_tracker_arrive_beside_each_other_and_nothing_
     assert (pair.left.camera, pair.right.camera) == ("front_left", "front_right")
     assert turn.scan.range_max_m == pytest.approx(30.0)
     assert len(turn.scan.ranges_m) == 4 * 360
+    stamped = depth.depth()
+    assert stamped is not None
+    assert stamped.depth.camera == "nose_depth"
+    assert (stamped.depth.width, stamped.depth.height, len(stamped.depth.data)) == (160, 90, 28_800)
+    assert (stamped.depth.scale_m, stamped.depth.range_max_m) == pytest.approx((0.001, 10.0))
+    assert any(stamped.depth.data)
     assert max(frame.image.data) > 200, "the light of the vehicle"
     assert len(pair.right.bgr) == 3 * len(pair.right.data)
     assert frame.image.bgr == b"", "the tracker sees lights only"

@@ -5,15 +5,15 @@ from typing import Any, Final
 
 import msgspec
 
-from gloc3.log.foxglove.scene import SCENE, body_frame
-from gloc3.log.foxglove.schemas import MAP_FRAME
+from gloc3.log.foxglove.scene import SCENE
+from gloc3.log.foxglove.schemas import MAP_FRAME, body_frame
 
 LAYOUT_FILE: Final = "foxglove-layout.json"
 MOST_PICTURES: Final = 4
 """Image panels, at most."""
 
 SCENE_TOPICS: Final = ("pose", "obstacles", "map", "laser")
-"""Topics that the 3D panel can show, below the platform's name."""
+"""Topics that the 3D panel can show, besides point clouds; below the platform's name."""
 Element = dict[str, Any]
 
 
@@ -23,7 +23,7 @@ def layout(platform: str, cameras: Sequence[str], topics: Sequence[str]) -> byte
     Args:
         platform: the vehicle.
         cameras: names of the cameras whose pictures are recorded.
-        topics: those of `SCENE_TOPICS` that are recorded.
+        topics: those of `SCENE_TOPICS`, and point clouds, that are recorded.
     """
     scene = {
         "topics": {name: {"visible": True} for name in (SCENE, *(f"{platform}/{below}" for below in topics))},

@@ -19,6 +19,7 @@ from gloc3.log.foxglove.schemas import (
     TEXT,
     TIME,
     VECTOR,
+    body_frame,
     shown_pose,
     transform,
 )
@@ -117,11 +118,6 @@ CALIBRATION_SCHEMA: Final[Schema] = {
         "P": NUMBERS,
     },
 }
-
-
-def body_frame(platform: str) -> str:
-    """Name of the frame of a vehicle's body, which is forward, right, down."""
-    return f"{platform}/body"
 
 
 def body_transform(platform: str, pose: Pose) -> dict[str, Any]:

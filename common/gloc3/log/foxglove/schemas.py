@@ -43,6 +43,7 @@ POSE: Final[Schema] = {
     "properties": {"position": VECTOR, "orientation": QUATERNION},
 }
 NUMBERS: Final[Schema] = {"type": "array", "items": NUMBER}
+XYZ_STRIDE: Final = 12
 FLOAT32: Final = 7
 """Foxglove's number for that type of an element."""
 UINT8: Final = 1
@@ -96,6 +97,19 @@ def shown_pose(position: Vector3, rotation: Quaternion) -> dict[str, Any]:
     return {"position": _vector(position), "orientation": _quaternion(rotation)}
 
 
+def body_frame(platform: str) -> str:
+    """Name of the frame of a vehicle's body, which is forward, right, down."""
+    return f"{platform}/body"
+
+
+_XYZ: Final = {
+    "pose": shown_pose((0.0, 0.0, 0.0), IDENTITY),
+    "point_stride": XYZ_STRIDE,
+    "fields": [{"name": axis, "offset": 4 * index, "type": FLOAT32} for index, axis in enumerate("xyz")],
+}
+"""Of a point cloud: three numbers a point, in the axes of its frame."""
+
+
 def _pose(position: Vector3, rotation: Quaternion, frame: str) -> dict[str, Any]:
     return {"frame_id": frame or NED_FRAME, "pose": shown_pose(position, rotation)}
 
@@ -146,14 +160,20 @@ def _scan(envelope: Envelope[Any]) -> dict[str, Any]:
     }
 
 
+def _depth(envelope: Envelope[Any]) -> dict[str, Any]:
+    return {"frame_id": envelope.payload.camera, "encoding": "16UC1", "step": 2 * envelope.payload.width}
+
+
+def _cloud(envelope: Envelope[Any]) -> dict[str, Any]:
+    return {"frame_id": body_frame(envelope.source.platform), **_XYZ}
+
+
 def _obstacles(envelope: Envelope[Any]) -> dict[str, Any]:
     scan = envelope.payload
     points = [each for north, east in scan.points_ne_m for each in (north, east, -scan.height_m)]
     return {
         "frame_id": NED_FRAME,
-        "pose": shown_pose((0.0, 0.0, 0.0), IDENTITY),
-        "point_stride": 12,
-        "fields": [{"name": axis, "offset": 4 * index, "type": FLOAT32} for index, axis in enumerate("xyz")],
+        **_XYZ,
         "data": array("f", [max(-FAR, min(FAR, each)) for each in points]).tobytes(),
     }
 
@@ -192,6 +212,11 @@ _POSE_PROPERTIES: Final = {
     "frame_id": TEXT,
     "pose": POSE,
 }
+_CLOUD_PROPERTIES: Final = {
+    **_POSE_PROPERTIES,
+    "point_stride": INTEGER,
+    "fields": {"type": "array", "items": _FIELD},
+}
 _FIX_PROPERTIES: Final = {
     "timestamp": TIME,
     "frame_id": TEXT,
@@ -215,6 +240,14 @@ VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
             "foxglove.PoseInFrame",
             _POSE_PROPERTIES,
             lambda e: _pose(e.payload.position_ned_m, e.payload.attitude_wxyz, e.frame),
+        ),
+    ),
+    (
+        frozenset({"camera", "width", "height", "data", "scale_m"}),
+        FoxgloveView(
+            "foxglove.RawImage",
+            {"timestamp": TIME, "frame_id": TEXT, "encoding": TEXT, "step": INTEGER},
+            _depth,
         ),
     ),
     (
@@ -249,16 +282,13 @@ VIEWS: Final[tuple[tuple[frozenset[str], FoxgloveView], ...]] = (
         frozenset({"points_ne_m", "height_m"}),
         FoxgloveView(
             "foxglove.PointCloud",
-            {
-                "timestamp": TIME,
-                "frame_id": TEXT,
-                "pose": POSE,
-                "point_stride": INTEGER,
-                "fields": {"type": "array", "items": _FIELD},
-                "data": {"type": "string", "contentEncoding": "base64"},
-            },
+            {**_CLOUD_PROPERTIES, "data": {"type": "string", "contentEncoding": "base64"}},
             _obstacles,
         ),
+    ),
+    (
+        frozenset({"data", "origin_frd_m"}),
+        FoxgloveView("foxglove.PointCloud", _CLOUD_PROPERTIES, _cloud),
     ),
     (
         frozenset({"corner_ne_m", "cell_m", "levels", "cells"}),

@@ -3,4 +3,4 @@
 The limiter and the path follower use `obstacle_field` and `movers`; the map and the planner use the rest.
 """
 
-__all__ = ["movers", "obstacle_field", "occupancy", "route_planner"]
+__all__ = ["movers", "obstacle_field", "obstacle_memory", "occupancy", "route_planner"]

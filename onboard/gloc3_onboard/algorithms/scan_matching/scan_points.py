@@ -1,4 +1,4 @@
-"""Scan preprocessing: range checks, deskewing, leveling and removal of the floor."""
+"""Preprocessing of scans and point clouds: range checks, deskewing, leveling and removal of the floor."""
 
 from math import cos, sin
 from typing import Final, NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import Vector3
-from gloc3.messages.perception import LaserScan
+from gloc3.messages.perception import LaserScan, PointCloud
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
 FEWEST_BEAMS: Final = 20
@@ -48,6 +48,17 @@ class ScanPoints(NamedTuple):
     """How many beams the scan has."""
     below_m: Array
     """How far each point is below the body."""
+
+
+class LevelPoints(NamedTuple):
+    """The points of a cloud on the level axes of the body: forward, right and down."""
+
+    points_m: Array
+    """Shape (n, 3)."""
+    is_floor: NDArray[np.bool_]
+    """Which are too near to the floor to be anything else."""
+    origin_m: Array
+    """Where they were seen from, shape (3,)."""
 
 
 def ranges_of(scan: LaserScan) -> Array:
@@ -110,6 +121,32 @@ def points_of(scan: LaserScan, tilt: Tilt, mount: Mount, motion: Planar) -> Scan
         is_kept = tilt.height_m - below > FLOOR_M + FLOOR_SHARE * ranges
         level, beams, ranges, below = level[is_kept], beams[is_kept], ranges[is_kept], below[is_kept]
     return ScanPoints(level, beams, ranges, abs(scan.angle_step_rad), size, below)
+
+
+def cloud_fault(cloud: PointCloud) -> str:
+    """Why a cloud cannot be used; empty if it can. One without points can: so it is in the open."""
+    if not cloud.is_valid:
+        return cloud.reason or "the sensor says that its points are not valid"
+    return f"{len(cloud.data)} bytes are not points of 12 bytes" if len(cloud.data) % 12 else ""
+
+
+def level_points(cloud: PointCloud, tilt: Tilt) -> LevelPoints:
+    """The points of a usable cloud that are numbers.
+
+    Args:
+        cloud: it.
+        tilt: how the body stood.
+    """
+    points = np.frombuffer(cloud.data, "<f4").astype(np.float64).reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)]
+    sr, cr, sp, cp = sin(tilt.roll_rad), cos(tilt.roll_rad), sin(tilt.pitch_rad), cos(tilt.pitch_rad)
+    level_from_frd = np.array(((cp, sp * sr, sp * cr), (0.0, cr, -sr), (-sp, cp * sr, cp * cr)))
+    points, origin = points @ level_from_frd.T, level_from_frd @ np.array(cloud.origin_frd_m)
+    is_floor = np.zeros(len(points), np.bool_)
+    if tilt.height_m is not None:
+        away_m = np.linalg.norm(points - origin, axis=1)
+        is_floor = tilt.height_m - points[:, 2] <= FLOOR_M + FLOOR_SHARE * away_m
+    return LevelPoints(points, is_floor, origin)
 
 
 def _moved_back(forward: Array, right: Array, shares: Array, motion: Planar) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ Stereo, ground and follower odometers, each built of small steps that can be use
 """
 
 __all__ = [
+    "depth_points",
     "feature_message",
     "features",
     "ground_odometer",

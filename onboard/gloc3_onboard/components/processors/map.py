@@ -1,4 +1,4 @@
-"""DP: a map of what is free and what is occupied, from the laser scanner and the pose."""
+"""DP: a map of what is free and what is occupied, from a laser scanner or point clouds, and the pose."""
 
 import math
 from collections.abc import Sequence
@@ -11,12 +11,19 @@ from gloc3.component.ports import Inbox, Input, Output, Result
 from gloc3.component.settings import Bounds
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.neighbours import Neighbours
-from gloc3.messages.perception import LaserScan, OccupancyMap
+from gloc3.messages.perception import LaserScan, OccupancyMap, PointCloud
 from gloc3.messages.vehicle import HeightAboveGround, Pose
 from gloc3_onboard.algorithms.mapping.occupancy import OccupancyStack
-from gloc3_onboard.algorithms.scan_matching.scan_placement import ScanPlacement, ScanPlacementSettings, place_scan
-from gloc3_onboard.algorithms.scan_matching.scan_points import fault_of, points_of
+from gloc3_onboard.algorithms.scan_matching.planar import Array
+from gloc3_onboard.algorithms.scan_matching.scan_placement import (
+    ScanPlacement,
+    ScanPlacementSettings,
+    place_body,
+)
+from gloc3_onboard.algorithms.scan_matching.scan_points import cloud_fault, fault_of, level_points, points_of
 
+CLOUD_BEAMS = 720
+"""Directions in which the nearest point of a cloud ends what is free."""
 UNCHANGED_S = 5.0
 """A map that has not changed is reported this often."""
 
@@ -45,11 +52,12 @@ class MapSettings(ScanPlacementSettings, frozen=True):
 
 
 class MapProcessor(DataProcessor[MapSettings]):
-    """Enters scans into a map, while the pose is valid and certain, and reports the map at most once a second."""
+    """Enters scans and clouds into a map, while the pose is valid and certain, and reports it at most once a second."""
 
     loggable = ("scans", "left_out", "reason")
 
     laser = Input(LaserScan)
+    cloud = Input(PointCloud)
     pose = Input(Pose)
     height = Input(HeightAboveGround)
     neighbours = Input(Neighbours)
@@ -72,7 +80,8 @@ class MapProcessor(DataProcessor[MapSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Enters a new scan, and reports when it is due."""
         pose = inbox.latest(self.pose)
-        for scan in inbox.new(self.laser):
+        seen: list[Envelope[LaserScan] | Envelope[PointCloud]] = [*inbox.new(self.laser), *inbox.new(self.cloud)]
+        for scan in seen:
             if scan.t_s - self._entered_s < self.settings.scan_period_s - 1e-6:
                 continue
             self.reason = self._enter(scan, pose, inbox)
@@ -86,33 +95,44 @@ class MapProcessor(DataProcessor[MapSettings]):
         self._last, self._reported_s = found, now_s
         return [found]
 
-    def _enter(self, scan: Envelope[LaserScan], pose: Envelope[Pose] | None, inbox: Inbox) -> str:
-        """Enters a scan, or says why not."""
-        placed = place_scan(scan, pose, inbox.latest(self.height), self.settings)
+    def _enter(
+        self, scan: Envelope[LaserScan] | Envelope[PointCloud], pose: Envelope[Pose] | None, inbox: Inbox
+    ) -> str:
+        """Enters a scan or a cloud, or says why not."""
+        payload, height = scan.payload, inbox.latest(self.height)
+        duration_s = payload.duration_s if isinstance(payload, LaserScan) else 0.0
+        placed = place_body(scan.t_s, pose, height, self.settings, duration_s)
         if placed is None or pose is None:
             return "there is no valid pose at the time of the scan"
         std_m = max(pose.payload.position_std_m[:2])
         if std_m > self.settings.std_limit_m:
             return f"the pose is not certain enough: {std_m:.2f} m"
-        if fault := fault_of(scan.payload):
+        if fault := fault_of(payload) if isinstance(payload, LaserScan) else cloud_fault(payload):
             return fault
         self._entered_s = scan.t_s
         others = inbox.latest(self.neighbours)
         vehicles = others.payload.vehicles if others is not None else []
-        self._stack.add_scan(
-            (*placed.pose[:2], -placed.height_m),
-            _hits_ned_m(scan.payload, placed, self.settings),
-            max(1, round(2.0 * math.pi / abs(scan.payload.angle_step_rad))),
-            self.settings.range_m,
-            [one.position_ned_m[:2] for one in vehicles],
-            self.settings.others_m,
-        )
+        beams, groups = _hits_ned_m(payload, placed, self.settings)
+        for hits in groups:
+            self._stack.add_scan(
+                (*placed.pose[:2], -placed.height_m),
+                hits,
+                beams,
+                self.settings.range_m,
+                [one.position_ned_m[:2] for one in vehicles],
+                self.settings.others_m,
+            )
         return ""
 
 
-def _hits_ned_m(
-    scan: LaserScan, placed: ScanPlacement, settings: MapSettings
-) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
-    """What a scan has hit, without the floor, shape (n, 3)."""
-    points = points_of(scan, placed.tilt, settings.mount, placed.motion)
-    return np.column_stack((placed.pose.apply(points.points_m), points.below_m - placed.height_m))
+def _hits_ned_m(scan: LaserScan | PointCloud, placed: ScanPlacement, settings: MapSettings) -> tuple[int, list[Array]]:
+    """Beams of a whole turn, and what was hit, without the floor, each of shape (n, 3): of a cloud, layer by layer."""
+    if isinstance(scan, LaserScan):
+        found = points_of(scan, placed.tilt, settings.mount, placed.motion)
+        hits = np.column_stack((placed.pose.apply(found.points_m), found.below_m - placed.height_m))
+        return max(1, round(2.0 * math.pi / abs(scan.angle_step_rad))), [hits]
+    seen = level_points(scan, placed.tilt)
+    points = seen.points_m[~seen.is_floor]
+    hits = np.column_stack((placed.pose.apply(points[:, :2]), points[:, 2] - placed.height_m))
+    levels = np.floor(-hits[:, 2] / settings.layer_m)
+    return CLOUD_BEAMS, [hits[levels == level] for level in np.unique(levels)]

@@ -3,4 +3,4 @@
 Pure checks; each returns a reason in words.
 """
 
-__all__ = ["estimator_check", "frame_check", "obstacles", "recent", "scan_check", "silence", "timeline"]
+__all__ = ["depth_check", "estimator_check", "frame_check", "obstacles", "recent", "scan_check", "silence", "timeline"]

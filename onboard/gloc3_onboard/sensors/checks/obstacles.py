@@ -1,4 +1,4 @@
-"""Obstacles from a scan: positions, distance by sector, and the nearest."""
+"""Obstacles from points: positions, distance by sector, and the nearest."""
 
 from math import cos, pi, sin
 from typing import Final
@@ -31,36 +31,44 @@ def obstacles_of(
         height_m: height of the body above the frame's origin.
     """
     points = points_of(scan, tilt, mount, motion).points_m
-    distance = np.hypot(*points.T)
-    bearing = np.arctan2(points[:, 1], points[:, 0])
+    ranges = ranges_of(scan)
+    checked = np.flatnonzero(ranges > max(scan.range_min_m, 0.0))
+    angles = np.asarray(mount.yaw_rad - scan.angle_min_rad - scan.angle_step_rad * checked, np.float64)
+    return obstacles_at(points, angles, pose, height_m, scan.range_max_m)
+
+
+def obstacles_at(points_m: Array, seen_rad: Array, pose: Planar, height_m: float, range_max_m: float) -> ObstacleScan:
+    """Obstacles at points.
+
+    Args:
+        points_m: shape (n, 2), forward and right of the body.
+        seen_rad: directions that were measured, clockwise from ahead; without a point, nothing is there.
+        pose: pose of the body: north, east, heading.
+        height_m: height of the body above the frame's origin.
+        range_max_m: what is farther away is not measured.
+    """
+    distance = np.hypot(*points_m.T)
+    bearing = np.arctan2(points_m[:, 1], points_m[:, 0])
     # By angle, then by distance: the first of each direction is the nearest.
     bins = np.floor(bearing * (BINS / (2.0 * pi))) % BINS
     order = np.lexsort((distance, bins))
     order = order[np.unique(bins[order], return_index=True)[1]]
     c, s = cos(pose.yaw_rad), sin(pose.yaw_rad)
     axes = np.array(((c, s), (-s, c)))
-    reported = (points[order] @ axes + (pose.x_m, pose.y_m)).tolist()
+    reported = (points_m[order] @ axes + (pose.x_m, pose.y_m)).tolist()
     near = sorted(zip(distance[order].tolist(), reported, strict=True))
+    sectors = np.full(OBSTACLE_SECTORS, NOT_MEASURED_M)
+    sectors[_sector(seen_rad)] = range_max_m
+    nearest = np.full(OBSTACLE_SECTORS, np.inf)
+    np.minimum.at(nearest, _sector(bearing), distance)
+    sectors = np.where(np.isfinite(nearest), nearest, sectors)
     return ObstacleScan(
         points_ne_m=[(north, east) for north, east in reported],
         height_m=height_m,
-        sectors_m=_sectors(scan, mount, bearing, distance),
-        range_max_m=scan.range_max_m,
+        sectors_m=[float(distance_m) for distance_m in sectors],
+        range_max_m=range_max_m,
         closest_ne_m=_apart([(north, east) for _, (north, east) in near]),
     )
-
-
-def _sectors(scan: LaserScan, mount: Mount, bearing: Array, distance: Array) -> list[float]:
-    ranges = ranges_of(scan)
-    checked = np.flatnonzero(ranges > max(scan.range_min_m, 0.0))
-    sectors = np.full(OBSTACLE_SECTORS, NOT_MEASURED_M)
-    angles = np.asarray(mount.yaw_rad - scan.angle_min_rad - scan.angle_step_rad * checked, np.float64)
-    sectors[_sector(angles)] = scan.range_max_m
-    if len(distance):
-        nearest = np.full(OBSTACLE_SECTORS, np.inf)
-        np.minimum.at(nearest, _sector(bearing), distance)
-        sectors = np.where(np.isfinite(nearest), nearest, sectors)
-    return [float(distance_m) for distance_m in sectors]
 
 
 def _sector(bearing_rad: Array) -> NDArray[np.intp]:

@@ -11,12 +11,12 @@ from gloc3.messages.frames import Quaternion, rotate
 from gloc3.messages.perception import ImuSample
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.calibration.mounting import frd_from_axes
+from gloc3_onboard.sensors.camera_sources.camera import EYES, camera_name
+from gloc3_onboard.sensors.camera_sources.stereo import STEREO, pair_names
 from gloc3_onboard.sensors.pictures import load_picture
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
 from gloc3_onboard.sensors.replay import Recorded, matching
 from gloc3_onboard.sensors.source_url import REPLAY
-from gloc3_onboard.sensors.sources.camera import EYES, camera_name
-from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
 
 AXES: Final = "urf"
 """Of EuRoC's body and inertial unit: x up, y right, z forward."""

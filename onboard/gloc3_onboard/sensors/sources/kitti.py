@@ -7,12 +7,12 @@ from typing import Any, Final
 
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.vehicle import Image
+from gloc3_onboard.sensors.camera_sources.camera import EYES, camera_name
+from gloc3_onboard.sensors.camera_sources.stereo import STEREO, pair_names
 from gloc3_onboard.sensors.pictures import load_picture, pictures_in
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
 from gloc3_onboard.sensors.replay import Recorded, together
 from gloc3_onboard.sensors.source_url import RATE, REPLAY
-from gloc3_onboard.sensors.sources.camera import EYES, camera_name
-from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
 
 RATE_HZ: Final = 10.0
 """Of sequences without times."""

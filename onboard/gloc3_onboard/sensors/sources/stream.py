@@ -6,15 +6,25 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
-from gloc3.camera.frame_stream import COLOUR, CameraFrame, FrameError, FrameReader, ScanFrame, encode_stream_request
+from gloc3.camera.frame_stream import (
+    COLOUR,
+    CameraFrame,
+    DepthFrame,
+    FrameError,
+    FrameReader,
+    ScanFrame,
+    StreamRecord,
+    encode_stream_request,
+)
 from gloc3.errors import Refused
-from gloc3.messages.perception import LaserScan
+from gloc3.messages.perception import DepthImage, LaserScan
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.sensors.devices import Bell, StampedImage, StampedPair, StampedScan, Unwatch
+from gloc3_onboard.sensors.camera_sources.camera import EYES, camera_name
+from gloc3_onboard.sensors.camera_sources.depth import DEPTH, depth_name
+from gloc3_onboard.sensors.camera_sources.stereo import STEREO, pair_names
+from gloc3_onboard.sensors.devices import Bell, StampedDepth, StampedImage, StampedPair, StampedScan, Unwatch
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
 from gloc3_onboard.sensors.source_url import PIXELS
-from gloc3_onboard.sensors.sources.camera import EYES, camera_name
-from gloc3_onboard.sensors.sources.stereo import STEREO, pair_names
 
 CONNECT_S = 2.0
 RETRY_S = 0.5
@@ -74,7 +84,7 @@ class StreamSource:
         """Keeps nothing of an earlier opening."""
         raise NotImplementedError
 
-    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: StreamRecord) -> bool:
         """Keeps a record; returns whether it is new."""
         raise NotImplementedError
 
@@ -105,7 +115,7 @@ class StreamCamera(StreamSource):
         """Keeps nothing."""
         self._frame = None
 
-    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: StreamRecord) -> bool:
         if not isinstance(record, CameraFrame) or self._part not in ("", record.camera):
             return False
         self._frame = StampedImage(t_s, _image(record, self._name))
@@ -136,7 +146,7 @@ class StreamStereoCamera(StreamSource):
         """Keeps nothing."""
         self._pair = None
 
-    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: StreamRecord) -> bool:
         if not isinstance(record, CameraFrame) or record.camera not in self._names:
             return False
         self._sides[record.camera] = record
@@ -144,6 +154,45 @@ class StreamStereoCamera(StreamSource):
         if left is None or right is None or abs(left.boot_us - right.boot_us) > SAME_US:
             return False
         self._pair = StampedPair(t_s, _image(left, self._names[0]), _image(right, self._names[1]))
+        return True
+
+
+class StreamDepthCamera(StreamSource):
+    """A depth camera.
+
+    Args:
+        name: of the camera, whatever the stream calls it.
+        address: host and port.
+        t_s_of: maps the vehicle's time to ours.
+        part: which camera of the stream; empty for the one that has this name there, too.
+    """
+
+    def __init__(self, name: str, address: tuple[str, int], t_s_of: MapTime, part: str = "") -> None:
+        super().__init__(name, address, t_s_of, (part or name,))
+        self._part = part or name
+        self._depth: StampedDepth | None = None
+
+    def depth(self) -> StampedDepth | None:
+        """The latest frame; None before the first."""
+        return self._depth
+
+    def clear(self) -> None:
+        """Keeps nothing."""
+        self._depth = None
+
+    def _accept(self, t_s: float, record: StreamRecord) -> bool:
+        if not isinstance(record, DepthFrame) or record.camera != self._part:
+            return False
+        depth = DepthImage(
+            camera=self._name,
+            width=record.width,
+            height=record.height,
+            data=record.data,
+            scale_m=record.scale_m,
+            range_min_m=record.range_min_m,
+            range_max_m=record.range_max_m,
+        )
+        self._depth = StampedDepth(t_s, depth)
         return True
 
 
@@ -163,7 +212,7 @@ class StreamLaser(StreamSource):
         """Keeps nothing."""
         self._scan = None
 
-    def _accept(self, t_s: float, record: CameraFrame | ScanFrame) -> bool:
+    def _accept(self, t_s: float, record: StreamRecord) -> bool:
         if not isinstance(record, ScanFrame) or self._part not in ("", record.scanner):
             return False
         scan = LaserScan(
@@ -186,13 +235,15 @@ def _image(frame: CameraFrame, name: str) -> Image:
 def _make(request: SourceRequest) -> StreamSource:
     name, url, t_s_of = request.device, request.url, request.host.t_s_of_boot
     address, pixels = url.address(name), "" if url.is_grey else COLOUR
+    if "pixels" in url.options and request.sensor.name not in EYES:
+        raise Refused(f"{name}: pixels are of cameras, and this is a {request.sensor.name}")
+    if request.sensor.name == DEPTH:
+        return StreamDepthCamera(depth_name(name), address, t_s_of, url.part)
     if request.sensor.name == STEREO:
         return StreamStereoCamera(pair_names(name), address, t_s_of, pixels)
     if request.sensor.name == "laser":
-        if "pixels" in url.options:
-            raise Refused(f"{name}: a scanner has no pixels")
         return StreamLaser(name, address, t_s_of, url.part)
     return StreamCamera(camera_name(name), address, t_s_of, url.part, pixels)
 
 
-SOURCES: Final = (SourceKind("tcp", (*EYES, "laser"), "tcp://127.0.0.1:5600", _make, PIXELS, takes_part=True),)
+SOURCES: Final = (SourceKind("tcp", (*EYES, DEPTH, "laser"), "tcp://127.0.0.1:5600", _make, PIXELS, takes_part=True),)

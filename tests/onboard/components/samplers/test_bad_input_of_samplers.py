@@ -6,19 +6,20 @@ from typing import Any
 
 import msgspec
 import pytest
-from tests.onboard.scripted_sources import HEIGHT, WIDTH, OneModel, ScriptedSource, measured, picture, scan
+from tests.onboard.scripted_sources import HEIGHT, WIDTH, OneModel, ScriptedSource, depth, measured, picture, scan
 
 from gloc3.component.component import Component
 from gloc3.component.deployment import ComponentRow
 from gloc3.component.lci import State
 from gloc3.component.test_bench import Bench
-from gloc3.messages.perception import ImuSample, LaserScan
+from gloc3.messages.perception import DepthImage, ImuSample, LaserScan
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.components.samplers.camera import CameraSampler
+from gloc3_onboard.components.samplers.depth_camera import DepthCameraSampler
 from gloc3_onboard.components.samplers.imu import ImuSampler
 from gloc3_onboard.components.samplers.laser import LaserSampler
 from gloc3_onboard.components.samplers.stereo_camera import StereoCameraSampler
-from gloc3_onboard.sensors.devices import StampedImage, StampedImu, StampedPair, StampedScan
+from gloc3_onboard.sensors.devices import StampedDepth, StampedImage, StampedImu, StampedPair, StampedScan
 
 PERIOD_S = 0.05
 
@@ -286,3 +287,53 @@ def test_a_silent_unit_is_told_and_an_impossible_force_is_marked() -> None:
         source.measured = [StampedImu(bench.loop.time(), thrown)]
         bench.run(PERIOD_S)
         assert "400 m/s2" in bench.last("imu").reason
+
+
+# --- depth ---
+
+
+def show_depth(bench: Bench, source: ScriptedSource, found: DepthImage) -> DepthImage:
+    """What becomes of a depth picture of now."""
+    source.now_depth = StampedDepth(bench.loop.time(), found)
+    source.bell.ring()
+    bench.run(PERIOD_S)
+    reported = bench.last("depth")
+    assert isinstance(reported, DepthImage)
+    return reported
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"data": depth(3).data[:-2]}, "torn"),
+        ({"width": 0}, "torn"),
+        ({"width": 32, "height": 96}, "the calibration is for 64 x 48"),
+        ({"scale_m": math.nan}, "its unit of nan m is impossible"),
+        ({"range_min_m": 20.0}, "its ranges from 20 to 10 m are impossible"),
+        ({"data": depth(1).data}, "the same picture again"),
+        ({"is_valid": False, "reason": "overheated"}, "overheated"),
+    ],
+)
+def test_a_depth_picture_that_cannot_be_used_is_marked_and_the_next_good_one_is_not(
+    wrong: dict[str, Any], reason: str
+) -> None:
+    with Bench() as bench:
+        source = hosted(bench, lambda source: DepthCameraSampler(source, OneModel()))
+        assert show_depth(bench, source, depth(1)).is_valid
+        found = show_depth(bench, source, msgspec.structs.replace(depth(2), **wrong))
+        assert not found.is_valid
+        assert reason in found.reason
+        assert show_depth(bench, source, depth(4)).is_valid
+
+
+def test_pictures_without_any_depth_are_valid_and_no_pictures_are_reported() -> None:
+    with Bench() as bench:
+        source = hosted(bench, lambda source: DepthCameraSampler(source, OneModel()))
+        nothing = msgspec.structs.replace(depth(), data=bytes(len(depth().data)))
+        assert show_depth(bench, source, nothing).is_valid
+        assert show_depth(bench, source, nothing).is_valid
+        bench.run(1.2)
+        found = bench.last("depth")
+        assert isinstance(found, DepthImage)
+        assert (found.is_valid, found.camera) == (False, "depth")
+        assert "no picture for 1.0 s" in found.reason

@@ -13,6 +13,7 @@ from gloc3.errors import Finding, Gloc3Error, InputError, nearest
 from gloc3.log.reader import LogReader
 from gloc3.messages.vehicle import Image, ImageRecorded
 from gloc3_onboard.sensors import devices
+from gloc3_onboard.sensors.camera_sources.stereo import STEREO, SideBySide, pair_names
 from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sensors.pictures import load_picture
 from gloc3_onboard.sensors.registry import SensorKind, SourceKind, SourceRequest
@@ -27,7 +28,6 @@ from gloc3_onboard.sensors.source_url import (
     SourceUrl,
     device_problem,
 )
-from gloc3_onboard.sensors.sources.stereo import STEREO, SideBySide, pair_names
 from gloc3_onboard.sensors.threaded import ThreadedSource
 
 CAMERA: Final = "camera"

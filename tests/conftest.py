@@ -66,15 +66,25 @@ PERCEPTION = (
 
 
 LONG = (
+    "proof/test_",
+    "flight/test_log_of_sensors",
     "flight/test_flights_are_deterministic",
     "flight/test_flying_on_our_own_pose",
     "flight/test_among_obstacles",
     "flight/test_sources_that_fail",
+    "flight/test_vtols",
+    "flight/test_mission_screen_in_flight",
+    "flight/test_soak",
+    "service/test_update",
     "onboard/hosts/",
     "companion/test_stations_on_",
     "sitl/firmware/",
     "demo/test_demo",
     "cli/test_fly_command",
+    "commands/test_",
+    "network/test_scale",
+    "screens/test_mission_screen",
+    "web/test_browser_journey",
 )
 """In the paths of tests that take longest: they come first, so that at the end no core waits for one of them."""
 

@@ -16,9 +16,11 @@ ROOT: Final = Path(__file__).parents[1]
 WALL, VIRTUAL = "wall", "virtual"
 LATER: Final = 10
 """By so much the priority of the tests in virtual time is lower, as `nice` counts."""
-WORKERS: Final = {WALL: "3", VIRTUAL: "2"}
+WORKERS: Final = {WALL: "4", VIRTUAL: "2"}
 """Of each group: what runs in wall time mostly waits."""
 _WHICH: Final = {WALL: "sockets", VIRTUAL: "not sockets"}
+_WITHOUT: Final = {WALL: ("-p", "no:hypothesispytest"), VIRTUAL: ()}
+"""No search runs in wall time; the plugin would read all sources for constants to try."""
 _SOME_FAILED: Final = 1
 """What pytest ends with where tests ran, and not all of them passed."""
 
@@ -28,6 +30,7 @@ def command(group: str, reports: Path, *more: str) -> list[str]:
     return [
         *([] if group == WALL else ["nice", "-n", str(LATER)]),
         *(sys.executable, "-m", "pytest", "-q", "-m", _WHICH[group], f"--junitxml={reports / group}.xml"),
+        *_WITHOUT[group],
         *("-o", f"cache_dir=.pytest_cache/{group}", *more),
     ]
 

@@ -1,9 +1,11 @@
 """What has to survive a crash is written by one store: nothing else appends to files, synchronizes them or puts them in place."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
+
+from tests.house.measure import read_modules
 
 ROOT: Final = Path(__file__).parents[2]
 STORE: Final = "common/gloc3/store/"
@@ -22,8 +24,8 @@ ALLOWED: Final = {
 OF_OS: Final = ("fsync", "fdatasync", "replace", "rename")
 
 
-def _does(tree: ast.AST) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _does(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and node.module == "os":
             yield from (one.name for one in node.names if one.name in OF_OS)
         if not isinstance(node, ast.Call):
@@ -47,12 +49,7 @@ def _does(tree: ast.AST) -> Iterator[str]:
 
 
 def test_nothing_else_appends_synchronizes_or_puts_in_place() -> None:
-    found = {
-        str(path.relative_to(ROOT))
-        for package in ("common", "onboard", "groundstation", "sitl")
-        for path in (ROOT / package).rglob("*.py")
-        if any(_does(ast.parse(path.read_text())))
-    }
+    found = {str(module.path) for module in read_modules(ROOT).values() if any(_does(module.nodes))}
     own = {path for path in found if path.startswith(STORE)}
     assert own, "the store is found"
     assert found - own == set(ALLOWED)

@@ -25,7 +25,7 @@ def check(document, place, size):
 
 
 def test_messages_with_their_remedies_are_found_in_every_form() -> None:
-    assert set(remedies(ast.parse(SOURCE))) == {
+    assert set(remedies(ast.walk(ast.parse(SOURCE)))) == {
         Remedy("… is too large", "make it smaller"),
         Remedy("it is too small", "make it larger"),
         Remedy("no file", "write …"),

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -74,17 +75,23 @@ def lines() -> Iterator[str]:
 def events() -> dict[str, list[EventRow]]:
     """Events by the title of their chapter."""
     found: dict[str, set[EventRow]] = {title: set() for _, title in CHAPTERS}
-    for name, text in _modules():
+    for name, reported in _reported().items():
         title = next((title for begin, title in CHAPTERS if f"{name}.".startswith(f"{begin}.")), None)
         if title is not None:
-            found[title].update(row for row in rows(name, text) if not row.name)
+            found[title].update(row for row in reported if not row.name)
     return {title: sorted(some, key=_order) for title, some in found.items()}
 
 
 def alerts() -> list[EventRow]:
     """Conditions of the station's alerts."""
-    found = {row for name, text in _modules() for row in rows(name, text) if row.name}
+    found = {row for reported in _reported().values() for row in reported if row.name}
     return sorted(found, key=lambda row: (row.name, *_order(row)))
+
+
+@cache
+def _reported() -> dict[str, list[EventRow]]:
+    """What each module reports."""
+    return {name: list(rows(name, text)) for name, text in _modules()}
 
 
 def rows(module: str, source: str) -> Iterator[EventRow]:

@@ -48,7 +48,7 @@ def of_help() -> Iterator[Sentence]:
     """Sentences of the docstrings and parameters from which the commands' help is made."""
     for module in read_modules(ROOT).values():
         if "cli" in module.path.with_suffix("").parts:
-            for node in ast.walk(module.tree):
+            for node in module.nodes:
                 if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and _is_command(node):
                     text, _, arguments = (ast.get_docstring(node) or "").partition("\nArgs:\n")
                     for part in (*text.split("\n\n"), *_ARGUMENT.findall(arguments)):
@@ -61,11 +61,11 @@ def of_messages() -> Iterator[Sentence]:
     for module in read_modules(ROOT).values():
         texts = [
             troubleshooting.said(argument)
-            for node in ast.walk(module.tree)
+            for node in module.nodes
             if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)
             for argument in node.exc.args
         ]
-        texts += [part for row in troubleshooting.remedies(module.tree) for part in row]
+        texts += [part for row in troubleshooting.remedies(module.nodes) for part in row]
         for text in texts:
             yield from _sentences(ROOT / module.path, text)
 

@@ -34,7 +34,7 @@ def help_texts() -> Iterator[tuple[str, str]]:
     """Texts of the modules behind the commands, from which their help is made, with the module's path."""
     for module in read_modules(ROOT).values():
         if "cli" in module.path.with_suffix("").parts:
-            for node in ast.walk(module.tree):
+            for node in module.nodes:
                 if isinstance(node, ast.Constant) and isinstance(node.value, str):
                     yield str(module.path), node.value
 

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from tests.house.measure import read_modules
+
 ROOT: Final = Path(__file__).parents[2]
 PAGE: Final = ROOT / "docs" / "troubleshooting.md"
-SOURCES: Final = ("common", "onboard", "groundstation", "sitl")
 OPEN: Final = "…"
 """What differs from case to case."""
 CHAPTERS: Final = (
@@ -46,12 +47,10 @@ class Remedy(NamedTuple):
 def page() -> str:
     """The whole page."""
     found: dict[str, set[Remedy]] = {title: set() for _, title in CHAPTERS}
-    for package in SOURCES:
-        for file in sorted((ROOT / package).rglob("*.py")):
-            module = ".".join(file.relative_to(ROOT / package).with_suffix("").parts)
-            title = next((title for begin, title in CHAPTERS if f"{module}.".startswith(f"{begin}.")), None)
-            if title is not None:
-                found[title].update(remedies(ast.parse(file.read_text(encoding="utf-8"))))
+    for name, module in read_modules(ROOT).items():
+        title = next((title for begin, title in CHAPTERS if f"{name}.".startswith(f"{begin}.")), None)
+        if title is not None:
+            found[title].update(remedies(module.nodes))
     lines = [HEAD]
     for title, rows in found.items():
         if rows:
@@ -61,9 +60,13 @@ def page() -> str:
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def remedies(module: ast.Module) -> Iterator[Remedy]:
-    """The checks and findings in a module that know a remedy."""
-    for function in ast.walk(module):
+def remedies(nodes: Iterable[ast.AST]) -> Iterator[Remedy]:
+    """The checks and findings that know a remedy.
+
+    Args:
+        nodes: of a module, all of them.
+    """
+    for function in nodes:
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             inside = list(ast.walk(function))
             calls = [(one, parts) for one in inside if isinstance(one, ast.Call) and (parts := _parts(one)) is not None]

@@ -3,7 +3,7 @@
 import signal
 import socket
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, chdir, contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import pytest
 from tests.commands.programs import Program, program
 
 from gloc3 import __version__
+from gloc3.cli.program import run
 from gloc3.log.commands import list_commands
 from gloc3.log.reader import LogReader
 from gloc3.messages.command_interface import Inventory
@@ -24,9 +25,16 @@ pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
 
 
 def made(folder: Path, *words: str) -> None:
-    """Runs a command that is to succeed."""
-    with program(*words, folder=folder) as command:
-        assert command.end() == 0, command.text
+    """Runs a command that is to succeed, in this process."""
+    with chdir(folder):
+        assert run(words) == 0, words
+
+
+def pushed(folder: Path) -> Program:
+    """The program that pushes the list of revoked members, after its end."""
+    with program("network", "push", "yard/office/network.yaml", folder=folder) as push:
+        assert push.end() == 0, push.text
+    return push
 
 
 @pytest.fixture
@@ -107,8 +115,7 @@ def test_a_pushed_list_reaches_a_vehicle_in_flight_through_a_router_and_its_end_
         alice.await_line(lambda line: "mission is started" in line)
         carol.await_line(lambda line: "is heard" in line)
         made(yard, "network", "revoke", "yard", "carol")
-        with program("network", "push", "yard/office/network.yaml", folder=yard) as push:
-            assert push.end() == 0, push.text
+        push = pushed(yard)
         assert {"alice: list 2", "carol: list 2", "pelican.main: list 2", "root: list 2"} <= set(push.lines), push.text
         for process in (onboard, root):
             process.await_line(lambda line: line.endswith("it revokes carol"))
@@ -119,7 +126,7 @@ def test_a_pushed_list_reaches_a_vehicle_in_flight_through_a_router_and_its_end_
             assert again.end() == 2, again.text
         assert "carol is revoked by list 2 of revoked members" in again.text
         register.confirm(yard / "yard", datetime.now(UTC) - timedelta(days=3), days=1)
-        made(yard, "network", "push", "yard/office/network.yaml")
+        pushed(yard)
         onboard.await_line(lambda line: "list 3 of revoked members has ended" in line)
         with station(yard, "alice", "--mission", "hop") as alice:
             assert alice.end() == 4, alice.text

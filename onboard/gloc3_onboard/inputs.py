@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
@@ -10,10 +11,11 @@ from gloc3.component.context import HostContext
 from gloc3.component.deployment import ComponentRow
 from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.transport.endpoints import Endpoint
+from gloc3.messages.perception import OccupancyMap
 from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
 from gloc3.store import DocumentFile, Records
-from gloc3.terrain import Terrain
+from gloc3.terrain import Terrain, read_map
 from gloc3_onboard.command_server.log_shelf import LogStoreBase
 from gloc3_onboard.command_server.site import Usage
 from gloc3_onboard.companion.routing import Keep
@@ -24,6 +26,9 @@ from gloc3_onboard.process.vitals import Vitals
 from gloc3_onboard.sensors.devices import Rig
 from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
 from gloc3_onboard.sensors.rig import PlatformRig
+
+KNOWN_MAP: Final = "known_map"
+"""The device with the map that a platform knows at the start."""
 
 
 class Sensors(NamedTuple):
@@ -53,14 +58,27 @@ def open_sensors(
         warn: called about doubtful calibrations.
 
     Raises:
-        InputError: a calibration cannot be used.
+        InputError: a calibration or the known map cannot be used.
         Refused: a source is wrong.
     """
     rig = PlatformRig(platform, host.folder)
     for warning in rig.warnings:
         warn(str(warning))
     urls = source_urls(platform, used, requested)
-    return Sensors(make_sources(urls, host), urls, rig)
+    return Sensors({**make_sources(urls, host), KNOWN_MAP: known_map(platform, host.folder)}, urls, rig)
+
+
+def known_map(platform: Platform, folder: Path) -> OccupancyMap | None:
+    """The map that a platform knows at the start; None for none.
+
+    Args:
+        platform: the platform file.
+        folder: of the platform file.
+
+    Raises:
+        InputError: it cannot be used.
+    """
+    return read_map(folder / platform.known_map) if platform.known_map else None
 
 
 def devices_of(rows: Sequence[ComponentRow]) -> list[str]:

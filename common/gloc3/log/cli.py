@@ -244,11 +244,12 @@ def convert_(file: Path, /, *, to: LogFormat, out: Path | None = None, topic: st
     """Convert a log for other programs: maps, tables, ROS 2.
 
     Maps have the path flown and requested, home, and the places of pictures. Tables have one row a pose; with --topic,
-    all fields of a topic. A bag has poses, transforms, sensors, status and events as ROS 2 messages.
+    all fields of a topic. A bag has poses, transforms, sensors, status and events as ROS 2 messages. `map` saves the map of
+    obstacles that was built in flight: a platform file knows it by `known_map`, and ROS 2's map server reads it.
 
     Args:
         file: The log, or the folder of a run: its last one.
-        to: kml, gpx and geojson for maps; csv and parquet for tables; rosbag2 for ROS 2.
+        to: kml, gpx and geojson for maps of the flight; csv and parquet for tables; rosbag2 for ROS 2; map for obstacles.
         out: The new file (or, of a bag, folder); by default beside the log. It must not exist.
         topic: For tables: the topic whose messages become the rows.
         origin: LATITUDE,LONGITUDE,ALTITUDE of the local frame, in deg and m, where the log has none.

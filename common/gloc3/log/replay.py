@@ -109,6 +109,8 @@ def replay(reader: LogReader, platform: Platform, name: str, topics: TopicTable)
             f"{platform.platform} has no component {name!r}; {nearest(name, [c.name for c in platform.components])}"
         )
     devices: dict[str, Any] = {"rig": LoggedRig(reader, platform), "memory": NoMemory()}
+    if not platform.known_map:
+        devices["known_map"] = None
     others = sorted(set(row.devices.values()) - set(devices))
     if others:
         raise Refused(f"{name} reads a device ({', '.join(others)}), and a log can replay messages only")

@@ -63,7 +63,7 @@ def completed(document: Document, extending: tuple[Path, ...] = ()) -> Document:
     base = completed(parse(load_bytes(base_file), str(base_file)), chain)
     if not (isinstance(base.root.value, dict) and isinstance(document.root.value, dict)):
         raise InputError([document.finding((EXTENDS,), f"{base_file.name} is not a mapping")])
-    _move_calibrations(base, file)
+    _move_files(base, file)
     for node in base.root.descendants():
         node.file = node.file or base.file
     own = YamlNode(dict(document.root.value), document.root.line, document.root.column)
@@ -96,14 +96,18 @@ def _base_file(document: Document, where: YamlNode) -> Path:
     return known[name]
 
 
-def _move_calibrations(base: Document, file: Path) -> None:
-    """Makes the base's calibration files, which are relative to it, relative to the file that extends it."""
-    cameras, folder = base.root.children.get("cameras"), relpath(Path(base.file).parent, file.parent)
-    if cameras is None or folder == ".":
+def _move_files(base: Document, file: Path) -> None:
+    """Makes the base's calibration files and its map, which are relative to it, relative to the file that extends it."""
+    folder, cameras = relpath(Path(base.file).parent, file.parent), base.root.children.get("cameras")
+    if folder == ".":
         return
-    for name, camera in cameras.children.items():
-        if isinstance(camera.value, str) and not Path(camera.value).is_absolute():
-            camera.value = cameras.value[name] = f"{folder}/{camera.value}"
+    places = [(base.root, "known_map")] + (
+        [(cameras, name) for name in cameras.children] if cameras is not None else []
+    )
+    for holder, name in places:
+        node = holder.children.get(name)
+        if node is not None and isinstance(node.value, str) and node.value and not Path(node.value).is_absolute():
+            node.value = holder.value[name] = f"{folder}/{node.value}"
 
 
 def _merged(base: YamlNode, own: YamlNode) -> YamlNode:

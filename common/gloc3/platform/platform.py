@@ -124,6 +124,9 @@ class Platform(PlatformRow, frozen=True, kw_only=True):
     """Where the data of sensors comes from, by device: URLs such as `v4l2:///dev/video0`."""
     cameras: dict[Name, CameraModel | str] = {}
     """How each camera is calibrated: a model, or a file such as `front.yaml#cam0`, relative to this one."""
+    known_map: str = ""
+    """A map of what is free and what is occupied there, known at the start: a file that `gloc3 log convert --to map` has
+    written, relative to this one."""
     first_camera_component: Annotated[int, msgspec.Meta(ge=0, le=105)] = 100
     """MAVLink component of the first camera that the onboard process offers to other programs; the others follow, up to
     105. Greater than 100 where the vehicle has MAVLink cameras of its own; 0 to offer none."""

@@ -11,6 +11,7 @@ from gloc3.errors import Finding, InputError, NotFound, Refused
 from gloc3.platform.places import host_names, place_of
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import check_platform, find_platform, namesakes, read_document
+from gloc3_onboard.inputs import known_map
 from gloc3_onboard.process.process import DEVICES
 from gloc3_onboard.sensors.registry import parse_source, place_problem, sensor_of
 from gloc3_onboard.sensors.rig import PlatformRig
@@ -57,6 +58,10 @@ def report_on(name: str) -> PlatformReport:
         findings += PlatformRig(platform, path.parent).warnings
     except InputError as error:
         findings += _in_place(error.findings, document)
+    try:
+        known_map(platform, path.parent)
+    except InputError as error:
+        findings += [document.finding(("known_map",), str(each), is_warning=False) for each in error.findings]
     return PlatformReport(file=str(path), findings=sorted(findings), platform=platform)
 
 

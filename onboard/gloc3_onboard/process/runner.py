@@ -20,7 +20,18 @@ from gloc3.messages.envelope import CommandReply, CommandRequest, ComponentStatu
 from gloc3.messages.topics import TopicTable
 from gloc3.platform.platform import Platform
 
-HOST_DEVICES: Final = ("autopilot", "catalogue", "computer", "gimbal", "memory", "pictures", "rig", "site", "taps")
+HOST_DEVICES: Final = (
+    "autopilot",
+    "catalogue",
+    "computer",
+    "gimbal",
+    "known_map",
+    "memory",
+    "pictures",
+    "rig",
+    "site",
+    "taps",
+)
 """The devices that every host gives to the components, besides its sensors; a platform's rows are checked against them."""
 STOP_TIMEOUT_S: Final = 6.0
 """How long a component may take to leave."""

@@ -13,12 +13,13 @@ from gloc3.mavlink.transport.memory import ACOUSTIC, Conditions, MemoryEnd, Memo
 from gloc3.mission.model.model import Mission
 from gloc3.network.rights import Rights
 from gloc3.platform.platform import Platform
+from gloc3.platform.reader import find_platform
 from gloc3.store import MemoryRecords
 from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.companion.acoustic_link import ModemSettings
 from gloc3_onboard.companion.files import LOGS, Folders, LogFolder
-from gloc3_onboard.inputs import Attachment, Hosting, Sensors, Storage, VehicleInputs
+from gloc3_onboard.inputs import KNOWN_MAP, Attachment, Hosting, Sensors, Storage, VehicleInputs, known_map
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Create, Onboard
 from gloc3_onboard.process.storage import NoPictures, PictureFolder
@@ -249,6 +250,7 @@ class FlightProcess:
         used = {device for row in self._platform.components for device in row.devices.values()}
         probes = {name: NoDevice() for name in sorted(used) if name.endswith(PROBE)}
         devices: Mapping[str, Any] = {**probes, **self._rig.devices, **ground, "imu": self.imu}
+        devices = {**devices, KNOWN_MAP: known_map(self._platform, find_platform(self._plan.platform).parent)}
         if not self._looks_down:
             used.discard("ground_camera")
         urls = {

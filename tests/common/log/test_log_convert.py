@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+import zlib
 from collections import Counter
 from math import atan2, degrees, sqrt
 from pathlib import Path
@@ -20,11 +21,20 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.log.cli import app
 from gloc3.messages.envelope import ComponentStatus, Event, Kind, Severity, Source
 from gloc3.messages.frames import GeoPoint, TangentPlane, from_euler
-from gloc3.messages.perception import ImuSample, LaserScan, SatelliteFix
+from gloc3.messages.perception import (
+    CELL_FREE,
+    CELL_OCCUPIED,
+    CELL_UNKNOWN,
+    ImuSample,
+    LaserScan,
+    OccupancyMap,
+    SatelliteFix,
+)
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.topics import TopicRow, TopicTable
 from gloc3.messages.vehicle import AutopilotState, Home, Image, ImageRecorded, Pose
 from gloc3.ros2.definitions import DEFINITIONS, definition
+from gloc3.terrain.map_file import read_map
 
 from .foreign_logs import FOREIGN
 from .samples import LogInMemory
@@ -263,7 +273,39 @@ def test_nothing_is_overwritten(file: Path) -> None:
             run("convert", file, "--to", to)
 
 
-@pytest.mark.parametrize("to", ["kml", "csv", "rosbag2"])
+def test_the_last_map_of_a_flight_becomes_a_map_that_a_platform_can_know(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def known(corner: float, *cells: int) -> OccupancyMap:
+        return OccupancyMap(
+            corner_ne_m=(corner, -0.5),
+            cell_m=0.1,
+            rows=2,
+            columns=3,
+            layer_m=0.5,
+            levels=[3],
+            cells=zlib.compress(bytes(cells)),
+        )
+
+    log = LogInMemory(TopicTable(TOPICS))
+    last = known(2.0, CELL_FREE, CELL_OCCUPIED, CELL_UNKNOWN, CELL_FREE, CELL_FREE, CELL_FREE)
+    for number, message in enumerate((known(1.0, 1, 1, 1, 1, 1, 1), last)):
+        log.send("map", message, float(number), Source("pelican", "map", 3), "ned")
+    path = tmp_path / "log.mcap"
+    path.write_bytes(log.close())
+    run("convert", path, "--to", "map")
+    assert "log-map.yaml: 0.2 x 0.3 m, 1 layer of 0.5 m" in capsys.readouterr().out
+    found = read_map(tmp_path / "log-map.yaml")
+    assert (found.layers(), found.levels, found.corner_ne_m) == (last.layers(), [3], (2.0, -0.5))
+    with pytest.raises(Gloc3Error, match=r"log-map\.yaml exists already"):
+        run("convert", path, "--to", "map")
+    bare = tmp_path / "bare.mcap"
+    bare.write_bytes(flight())
+    with pytest.raises(Refused, match="no map was recorded; a platform with the component map"):
+        run("convert", bare, "--to", "map")
+
+
+@pytest.mark.parametrize("to", ["kml", "csv", "rosbag2", "map"])
 def test_a_foreign_log_is_refused(to: str, tmp_path: Path) -> None:
     file = tmp_path / "other.mcap"
     FOREIGN["lz4"](file)

@@ -6,6 +6,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Final
 
+from gloc3.cli.counting import counted
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.log.convert.flight import RecordedFlight, read_flight
 from gloc3.log.convert.maps import geojson, gpx, kml
@@ -14,6 +15,8 @@ from gloc3.log.convert.tables import flight_rows, to_csv, to_parquet, topic_rows
 from gloc3.log.info import require_topic
 from gloc3.log.reader import LogReader
 from gloc3.messages.frames import GeoPoint
+from gloc3.messages.perception import OccupancyMap
+from gloc3.terrain import write_map
 
 
 class LogFormat(StrEnum):
@@ -25,6 +28,7 @@ class LogFormat(StrEnum):
     CSV = "csv"
     PARQUET = "parquet"
     ROSBAG2 = "rosbag2"
+    MAP = "map"
 
 
 MAPS: Final[Mapping[LogFormat, Callable[[RecordedFlight, str], bytes]]] = {
@@ -42,7 +46,7 @@ def convert(
     Args:
         reader: the log.
         to: the format.
-        out: the file, or the folder of a bag; by default beside the log, under its name.
+        out: the file, the folder of a bag, or the YAML file of a map; by default beside the log, under its name.
         topic: for tables: its fields, instead of the flight.
         origin: the origin of the log's NED frame, where the log has none.
 
@@ -58,6 +62,9 @@ def convert(
             return f"{target}: {write_bag(reader, target):,} messages"
         except OSError as error:
             raise Gloc3Error(f"cannot write {target}: {error.strerror}") from error
+    if to is LogFormat.MAP:
+        target = out or reader.path.with_name(f"{reader.path.stem}-map.yaml")
+        return f"{target}: {_save_map(reader, target)}"
     if to in MAPS:
         data, what = _map(reader, to, origin)
     else:
@@ -72,6 +79,24 @@ def convert(
     except OSError as error:
         raise Gloc3Error(f"cannot write {target}: {error.strerror}") from error
     return f"{target}: {what}"
+
+
+def _save_map(reader: LogReader, target: Path) -> str:
+    """Writes the last map of a flight, of what is free and what is occupied; says how large it is."""
+    reader.require_ours("map of obstacles")
+    last: OccupancyMap | None = None
+    for _, envelope in reader.entries("map"):
+        last = envelope.payload if isinstance(envelope.payload, OccupancyMap) else last
+    if last is None or not last.levels:
+        raise Refused(
+            f"{reader.path}: no map was recorded; a platform with the component map, such as pelican, builds one"
+        )
+    try:
+        files = write_map(target, last)
+    except ValueError as error:
+        raise Refused(f"{reader.path}: {error}") from error
+    sides = f"{last.rows * last.cell_m:.1f} x {last.columns * last.cell_m:.1f} m"
+    return f"{sides}, {counted(len(files) - 1, 'layer')} of {last.layer_m:g} m"
 
 
 def _map(reader: LogReader, to: LogFormat, origin: GeoPoint | None) -> tuple[bytes, str]:

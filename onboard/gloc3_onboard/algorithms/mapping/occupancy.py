@@ -97,7 +97,7 @@ class OccupancyStack:
             part[is_hit] = np.minimum(part[is_hit] + HIT, MOST)
 
     def add_map(self, known: OccupancyMap) -> None:
-        """Adds a map that is known already, cell by cell; what is seen later counts more.
+        """Adds a map that is known already, cell by cell; a few rays change it.
 
         Args:
             known: with the same cells and layers.
@@ -109,8 +109,8 @@ class OccupancyStack:
             if layer is not None:
                 part = layer[first[0] - self._rows[0] :, first[1] - self._columns[0] :][: known.rows, : known.columns]
                 cells = cells[: part.shape[0], : part.shape[1]]
-                part[cells == CELL_FREE] = FREE_FROM
-                part[cells == CELL_OCCUPIED] = OCCUPIED_FROM
+                part[cells == CELL_FREE] = LEAST // 2
+                part[cells == CELL_OCCUPIED] = MOST // 2
 
     def message(self, height_m: float) -> OccupancyMap:
         """What is known, as a message.

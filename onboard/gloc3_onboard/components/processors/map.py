@@ -9,6 +9,7 @@ import numpy as np
 from gloc3.component.component import DataProcessor
 from gloc3.component.ports import Inbox, Input, Output, Result
 from gloc3.component.settings import Bounds
+from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.neighbours import Neighbours
 from gloc3.messages.perception import LaserScan, OccupancyMap, PointCloud
@@ -63,7 +64,8 @@ class MapProcessor(DataProcessor[MapSettings]):
     neighbours = Input(Neighbours)
     map = Output(OccupancyMap, frame="ned")
 
-    def __init__(self) -> None:
+    def __init__(self, known: OccupancyMap | None = None) -> None:
+        self._known = known
         self.scans = self.left_out = 0
         self.reason = ""
         """Why the last scan was left out; empty if it was entered."""
@@ -71,9 +73,21 @@ class MapProcessor(DataProcessor[MapSettings]):
         self._last: OccupancyMap | None = None
 
     def start(self) -> None:
-        """Begins an empty map."""
+        """Begins with what is known already.
+
+        Raises:
+            Refused: the known map has other cells or layers.
+        """
         settings = self.settings
         self._stack = OccupancyStack(settings.cell_m, settings.layer_m, settings.most_m, settings.most_layers)
+        if (known := self._known) is not None:
+            sizes = (known.cell_m, known.layer_m)
+            if not np.allclose(sizes, (settings.cell_m, settings.layer_m), rtol=1e-6):
+                raise Refused(
+                    f"the known map has cells of {sizes[0]:g} m and layers of {sizes[1]:g} m; "
+                    f"set cell_m and layer_m, which are {settings.cell_m:g} and {settings.layer_m:g}"
+                )
+            self._stack.add_map(known)
         self._entered_s = self._reported_s = -math.inf
         self._last = None
 

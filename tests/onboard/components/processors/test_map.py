@@ -1,6 +1,7 @@
 """The map that is built in flight: against the world's truth, and what is not entered."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,17 @@ from tests.onboard.messages import pose
 from tests.onboard.stage import Stage
 from tests.sitl.world.conftest import STANDING_HEIGHT_M, truth_of
 
+from gloc3.errors import Refused
 from gloc3.messages.frames import from_euler
 from gloc3.messages.neighbours import Neighbour, Neighbours
 from gloc3.messages.perception import CELL_FREE, CELL_OCCUPIED, CELL_UNKNOWN, OccupancyMap
 from gloc3.messages.vehicle import HeightAboveGround
+from gloc3.platform.reader import load_platform
+from gloc3.terrain.map_file import write_map
 from gloc3_onboard.algorithms.mapping.known_space import cells_of
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.components.processors.map import MapProcessor, MapSettings
+from gloc3_onboard.inputs import known_map
 from gloc3_sitl.world import World
 from gloc3_sitl.world.laser import LaserModel, LaserScanner
 
@@ -27,8 +32,8 @@ ROOM = box(-4.0, -4.0, 8.0, 8.0)
 class Mapping:
     """The processor on its stage, with a scanner in the middle of the body among upright walls."""
 
-    def __init__(self, walls: list[Wall], **settings: Any) -> None:
-        self.stage = Stage(MapProcessor(), MapSettings(**settings))
+    def __init__(self, walls: list[Wall], known: OccupancyMap | None = None, **settings: Any) -> None:
+        self.stage = Stage(MapProcessor(known), MapSettings(**settings))
         self.random = np.random.default_rng(3)
         self.walls = walls
         self.at = Planar()
@@ -92,6 +97,26 @@ def test_a_box_that_appears_is_entered_within_two_seconds_and_one_that_goes_away
     mapping.walls = ROOM
     mapping.scan(40)
     assert (mapping.state(2.0, 0.0), mapping.state(2.5, 0.0)) == (CELL_FREE, CELL_FREE)
+
+
+def test_a_map_that_is_known_is_there_at_the_start_and_what_is_seen_counts_more(tmp_path: Path) -> None:
+    """Saved after one flight in a room with a box, known in the next one, in which the box has gone."""
+    first = Mapping([*ROOM, *box(2.0, -0.5, 1.0, 1.0)])
+    first.scan(10)
+    saved = first.last
+    write_map(tmp_path / "room.yaml", saved)
+    platform = tmp_path / "mine.yaml"
+    platform.write_text("extends: pelican\nplatform: pelican\nknown_map: room.yaml\n")
+    known = known_map(load_platform(str(platform)), tmp_path)
+    second = Mapping(ROOM, known)
+    second.at = Planar(-3.0, -3.0, 0.0)
+    second.scan(1)
+    assert second.state(2.0, 0.0) == CELL_OCCUPIED
+    assert second.last.levels == saved.levels
+    second.scan(40)
+    assert (second.state(2.0, 0.0), second.state(2.5, 0.0)) == (CELL_FREE, CELL_FREE)
+    with pytest.raises(Refused, match=r"cells of 0\.1 m and layers of 0\.5 m; set cell_m and layer_m, which are 0\.2"):
+        Mapping(ROOM, known, cell_m=0.2)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from urllib.parse import parse_qsl
@@ -64,7 +65,8 @@ class SourceRequest(NamedTuple):
     host: SourceHost
     urls: Mapping[str, SourceUrl]
     """The sources of all devices."""
-    times: dict[tuple[str, str], LogTime]
+    shared: dict[tuple[str, str], Any]
+    """What several devices have in common, by scheme and place: the time of a log, a camera of several streams."""
 
     @property
     def path(self) -> Path:
@@ -78,7 +80,9 @@ class SourceRequest(NamedTuple):
 
     def replayed(self, index: Callable[[], Sequence[Recorded[Any]]]) -> Any:
         """The device that plays recorded data, which is read when it is opened; devices of one log stay together."""
-        time = self.times.setdefault((self.url.scheme, str(self.path)), LogTime(self.url.number("skip_s", 0.0)))
+        time: LogTime = self.shared.setdefault(
+            (self.url.scheme, str(self.path)), LogTime(self.url.number("skip_s", 0.0))
+        )
         return self.sensor.replay(self.host.loop, time, index)
 
     def other(self, device: str) -> Any:
@@ -202,6 +206,12 @@ def parse_source(device: str, text: str) -> SourceUrl:
     return url
 
 
+def library_problem(module: str, extra: str) -> Callable[[], str]:
+    """A check of a kind of source: whether a library of an extra is installed."""
+    text = f"it needs the library {module}, which is not installed: pip install 'gloc3[{extra}]'"
+    return lambda: "" if find_spec(module) is not None else text
+
+
 def make_sources(urls: Mapping[str, str], host: SourceHost) -> dict[str, Any]:
     """The devices by name.
 
@@ -213,8 +223,8 @@ def make_sources(urls: Mapping[str, str], host: SourceHost) -> dict[str, Any]:
         Refused: a source is wrong.
     """
     parsed = {name: parse_source(name, text) for name, text in sorted(urls.items())}
-    times: dict[tuple[str, str], LogTime] = {}
-    return {name: _made(SourceRequest(name, url, _sensor(name), host, parsed, times)) for name, url in parsed.items()}
+    shared: dict[tuple[str, str], Any] = {}
+    return {name: _made(SourceRequest(name, url, _sensor(name), host, parsed, shared)) for name, url in parsed.items()}
 
 
 def _made(request: SourceRequest) -> Any:

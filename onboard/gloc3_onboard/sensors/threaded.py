@@ -47,6 +47,11 @@ class ThreadedSource(ABC, Generic[T]):
             Gloc3Error: it cannot be opened; the message says what to do.
         """
 
+    @property
+    def is_reading(self) -> bool:
+        """Whether its thread runs; else it has not been opened, or the device is lost."""
+        return self._thread is not None and self._thread.is_alive()
+
     def open(self) -> None:
         """Starts reading.
 

@@ -138,7 +138,7 @@ class VideoCamera(ThreadedSource[StampedImage]):
             count += 1
             if is_file:
                 pause.wait(max(0.0, t_s - self.now_s()))
-            yield StampedImage(t_s, _image(cv2, pixels, self.name, keeps_colours=not self._url.is_grey))
+            yield StampedImage(t_s, image_of(cv2, pixels, self.name, keeps_colours=not self._url.is_grey))
         while is_file:  # it has ended; the camera falls silent, and is not lost
             pause.wait(0.1)
             yield None
@@ -178,7 +178,7 @@ def _set_up(cv2: Any, capture: Any, options: Mapping[str, str], name: str) -> No
         capture.set(cv2.CAP_PROP_GAIN, float(options["gain"]))
 
 
-def _image(cv2: Any, pixels: Any, name: str, *, keeps_colours: bool) -> Image:
+def image_of(cv2: Any, pixels: Any, name: str, *, keeps_colours: bool) -> Image:
     """A picture in 8-bit grey for processors, with the colours beside it where there are any and they are wanted."""
     if pixels.dtype != "uint8":
         pixels = (pixels >> 8).astype("uint8")

@@ -41,6 +41,7 @@ SUMMARIES: Final = {
     "mission": "Make, check, show, simulate and convert mission files; list capabilities.",
     "log": "Inspect, plot, report, recover and replay logs.",
     "odometry": "Run odometers on data sets, and compare trajectories with the truth.",
+    "calibrate": "Calibrate cameras, pairs, scanners and magnetometers into a rig file.",
     "component": "List components and describe them.",
     "completion": "Print a script that completes commands and options in a shell.",
 }

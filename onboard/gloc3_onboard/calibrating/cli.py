@@ -1,0 +1,25 @@
+"""The commands `gloc3 calibrate`: cameras, pairs, their place and time on the vehicle, scanners, magnetometers."""
+
+from cyclopts import App
+
+from gloc3_onboard.calibrating.camera import camera
+from gloc3_onboard.calibrating.stereo import stereo
+
+app = App(
+    name="gloc3 calibrate",
+    help="""Calibrate a vehicle's sensors, from live data, folders of pictures or logs, into a rig file.
+
+    Each command shows what the data cover, draws the residuals (`--report`), and states a standard deviation beside each
+    value. It writes the result with its date into the rig file (`rig.yaml`), whose cameras are a camchain of Kalibr and go
+    into a platform file as `front: "rig.yaml#cam0"`. A result that is not trustworthy is refused with the reason, unless
+    `--force` is given. Exit codes: 0 written, 1 not trustworthy, 2 wrong use or unusable data.
+
+    A usual order, with a board of AprilTags as for Kalibr:
+
+    - `gloc3 calibrate stereo v4l2:///dev/video2 v4l2:///dev/video4 --board aprilgrid.yaml --report stereo.svg`""",
+    help_format="markdown",
+    version_flags=[],
+)
+
+app.command(camera)
+app.command(stereo)

@@ -3,4 +3,4 @@
 `cli` holds the commands, one module each; the calculations are in `gloc3_onboard.algorithms.calibration`.
 """
 
-__all__ = ["cli"]
+__all__: list[str] = []

@@ -5,7 +5,7 @@ from typing import Final
 
 from gloc3.documents.document import load_bytes, parse
 from gloc3.errors import InputError, Refused
-from gloc3_onboard.algorithms.calibration.boards import AprilGrid, Board, Checkerboard
+from gloc3_onboard.algorithms.calibration.boards import AprilGrid, CalibrationBoard, Checkerboard
 from gloc3_onboard.calibration.numbers import Values
 
 EXAMPLES: Final = (
@@ -16,7 +16,7 @@ COUNTS: Final = (2, 60)
 LENGTHS_M: Final = (0.001, 5.0)
 
 
-def read_board(text: str) -> Board:
+def read_board(text: str) -> CalibrationBoard:
     """The board that a command's option describes.
 
     Args:
@@ -58,14 +58,14 @@ def _within(text: str, bounds: tuple[float, float]) -> float:
     return value
 
 
-def read_board_file(path: Path) -> Board:
+def read_board_file(path: Path) -> CalibrationBoard:
     """A board in Kalibr's form: `target_type` is aprilgrid or checkerboard.
 
     Raises:
         InputError: with everything that is wrong in it.
     """
     values = Values(parse(load_bytes(path), str(path)))
-    board: Board | None = None
+    board: CalibrationBoard | None = None
     kind = values.value(("target_type",))
     if kind == "checkerboard":
         columns, rows = _whole(values, "targetCols"), _whole(values, "targetRows")

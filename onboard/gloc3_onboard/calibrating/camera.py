@@ -8,13 +8,13 @@ import numpy as np
 from gloc3.camera.model import Lens
 from gloc3.cli.narration import narrate
 from gloc3.errors import Refused
-from gloc3_onboard.algorithms.calibration.boards import Board
-from gloc3_onboard.algorithms.calibration.coverage import Coverage, covered
+from gloc3_onboard.algorithms.calibration.boards import CalibrationBoard
+from gloc3_onboard.algorithms.calibration.coverage import BoardCoverage, covered
 from gloc3_onboard.algorithms.calibration.lens_fit import LensFit, fit_lens
 from gloc3_onboard.calibrating.board_file import read_board
-from gloc3_onboard.calibrating.drawing import Panel, Series, coverage_lines, svg
+from gloc3_onboard.calibrating.drawing import DiagramPanel, PanelSeries, coverage_lines, svg
 from gloc3_onboard.calibrating.live import is_live, watch
-from gloc3_onboard.calibrating.outcome import Outcome, OutcomeOptions, settle, today
+from gloc3_onboard.calibrating.outcome import CalibrationOutcome, OutcomeOptions, settle, today
 from gloc3_onboard.calibrating.pictures import BoardsFound, find_boards, find_pictures
 from gloc3_onboard.calibration.rig_file import camera_section
 
@@ -66,7 +66,7 @@ def camera(
     fit = fit_lens(found.seen, found.size, lens, has_k3=k3)
     coverage = covered(fit.views, fit.poses, found.size)
     return settle(
-        Outcome(
+        CalibrationOutcome(
             lines=[*camera_lines(fit), *coverage_lines(coverage)],
             sections={name: camera_entries(fit, name, coverage)},
             doubts=camera_doubts(fit, coverage),
@@ -77,7 +77,7 @@ def camera(
     )
 
 
-def _find(pictures: str, board: Board) -> BoardsFound:
+def _find(pictures: str, board: CalibrationBoard) -> BoardsFound:
     if is_live(pictures):
         (found,) = watch({"camera": pictures}, "camera", board)
         if not found.seen:
@@ -86,7 +86,7 @@ def _find(pictures: str, board: Board) -> BoardsFound:
     return find_boards(find_pictures(pictures), board, narrate)
 
 
-def camera_doubts(fit: LensFit, coverage: Coverage, name: str = "") -> list[str]:
+def camera_doubts(fit: LensFit, coverage: BoardCoverage, name: str = "") -> list[str]:
     """Why a calibrated lens is not trustworthy; empty if it is."""
     before = f"{name}: " if name else ""
     doubts = coverage.lacks()
@@ -121,7 +121,7 @@ def _both(values: Any, std: Any) -> str:
     return ", ".join(f"{v:.2f} ± {s:.2f}" for v, s in zip(values, std, strict=True))
 
 
-def camera_entries(fit: LensFit, name: str, coverage: Coverage) -> dict[str, Any]:
+def camera_entries(fit: LensFit, name: str, coverage: BoardCoverage) -> dict[str, Any]:
     """A calibrated lens for the rig file."""
     std = [float(f"{each:.2g}") for each in fit.std]
     about = {
@@ -135,7 +135,7 @@ def camera_entries(fit: LensFit, name: str, coverage: Coverage) -> dict[str, Any
     return {**camera_section(fit.model, name), "calibration": about}
 
 
-def camera_panels(fit: LensFit, name: str = "") -> Sequence[Panel]:
+def camera_panels(fit: LensFit, name: str = "") -> Sequence[DiagramPanel]:
     """Diagrams of a calibrated lens: corners in the picture, residuals, and errors by picture."""
     pixels = np.concatenate([view.pixels for view in fit.views])
     residuals = np.concatenate(fit.residuals_px)
@@ -143,27 +143,27 @@ def camera_panels(fit: LensFit, name: str = "") -> Sequence[Panel]:
     most = float(np.abs(residuals).max()) * 1.1 or 1.0
     before = f"{name}: " if name else ""
     return (
-        Panel(
+        DiagramPanel(
             f"{before}corners in the picture",
             "column, px",
             "row, px",
-            [Series("", pixels[:, 0], pixels[:, 1])],
+            [PanelSeries("", pixels[:, 0], pixels[:, 1])],
             (0.0, float(fit.model.width)),
             (float(fit.model.height), 0.0),
         ),
-        Panel(
+        DiagramPanel(
             f"{before}residuals",
             "column, px",
             "row, px",
-            [Series("", residuals[:, 0], residuals[:, 1])],
+            [PanelSeries("", residuals[:, 0], residuals[:, 1])],
             (-most, most),
             (-most, most),
         ),
-        Panel(
+        DiagramPanel(
             f"{before}error of each picture",
             "picture, in order",
             "RMS, px",
-            [Series("", np.arange(1.0, len(errors) + 1.0), errors)],
+            [PanelSeries("", np.arange(1.0, len(errors) + 1.0), errors)],
             y_range=(0.0, float(errors.max()) * 1.2),
         ),
     )

@@ -3,6 +3,7 @@
 from cyclopts import App
 
 from gloc3_onboard.calibrating.camera import camera
+from gloc3_onboard.calibrating.magnetometer import magnetometer
 from gloc3_onboard.calibrating.stereo import stereo
 
 app = App(
@@ -16,10 +17,12 @@ app = App(
 
     A usual order, with a board of AprilTags as for Kalibr:
 
-    - `gloc3 calibrate stereo v4l2:///dev/video2 v4l2:///dev/video4 --board aprilgrid.yaml --report stereo.svg`""",
+    - `gloc3 calibrate stereo v4l2:///dev/video2 v4l2:///dev/video4 --board aprilgrid.yaml --report stereo.svg`
+    - `gloc3 calibrate magnetometer serial:///dev/ttyACM0:115200 --rig magnetometer.yaml`""",
     help_format="markdown",
     version_flags=[],
 )
 
 app.command(camera)
 app.command(stereo)
+app.command(magnetometer)

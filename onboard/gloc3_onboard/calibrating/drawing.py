@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gloc3_onboard.algorithms.calibration.coverage import CELLS, Coverage
+from gloc3_onboard.algorithms.calibration.coverage import CELLS, BoardCoverage
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ COLOURS: Final = ("#2166ac", "#b2182b", "#1b7837", "#762a83")
 MOST_DOTS: Final = 3000
 
 
-def coverage_lines(coverage: Coverage) -> list[str]:
+def coverage_lines(coverage: BoardCoverage) -> list[str]:
     """The picture's parts and how often each has shown a corner, with tilts and distances beside."""
     down, right = coverage.spreads_deg
     distances = coverage.distances_m or [0.0]
@@ -38,7 +38,7 @@ def coverage_lines(coverage: Coverage) -> list[str]:
     return [f"  {row}   {text}".rstrip() for row, text in zip(rows, beside, strict=True)]
 
 
-class Series(NamedTuple):
+class PanelSeries(NamedTuple):
     """Points of a panel."""
 
     name: str
@@ -47,19 +47,19 @@ class Series(NamedTuple):
     is_line: bool = False
 
 
-class Panel(NamedTuple):
+class DiagramPanel(NamedTuple):
     """A diagram."""
 
     title: str
     x_label: str
     y_label: str
-    series: Sequence[Series]
+    series: Sequence[PanelSeries]
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     """Ranges of the axes; as the data have them if None. The first may be the larger."""
 
 
-def svg(title: str, panels: Sequence[Panel], columns: int = 3) -> str:
+def svg(title: str, panels: Sequence[DiagramPanel], columns: int = 3) -> str:
     """Panels side by side."""
     rows = -(-len(panels) // columns)
     width, height = min(columns, len(panels)) * PANEL_W, rows * PANEL_H + 30.0
@@ -75,7 +75,7 @@ def svg(title: str, panels: Sequence[Panel], columns: int = 3) -> str:
     return "\n".join([*parts, "</svg>", ""])
 
 
-def _panel(panel: Panel) -> list[str]:
+def _panel(panel: DiagramPanel) -> list[str]:
     across = panel.x_range or _range([series.x for series in panel.series])
     up = panel.y_range or _range([series.y for series in panel.series])
     inner_w, inner_h = PANEL_W - 1.5 * EDGE, PANEL_H - 1.8 * EDGE

@@ -13,8 +13,8 @@ from gloc3.cli.narration import narrate
 from gloc3.clock import passed
 from gloc3.errors import Finding, InputError
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.algorithms.calibration.boards import Board, BoardView
-from gloc3_onboard.algorithms.calibration.coverage import Coverage
+from gloc3_onboard.algorithms.calibration.boards import BoardView, CalibrationBoard
+from gloc3_onboard.algorithms.calibration.coverage import BoardCoverage
 from gloc3_onboard.algorithms.calibration.lens_fit import board_pose, model_of
 from gloc3_onboard.calibrating.drawing import coverage_lines
 from gloc3_onboard.calibrating.pictures import BoardsFound
@@ -37,7 +37,7 @@ def is_live(place: str) -> bool:
     return "://" in place
 
 
-def watch(urls: Mapping[str, str], device: str, board: Board) -> list[BoardsFound]:
+def watch(urls: Mapping[str, str], device: str, board: CalibrationBoard) -> list[BoardsFound]:
     """Takes views from a live camera or stereo camera until enough has been shown, the source ends, or Ctrl-C.
 
     Args:
@@ -86,9 +86,9 @@ def _taken(source: Any) -> tuple[float, list[Image]] | None:
 class PictureGuide:
     """Keeps views that show something new."""
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: CalibrationBoard) -> None:
         self._board = board
-        self._coverages: list[Coverage] = []
+        self._coverages: list[BoardCoverage] = []
         self._kept: list[list[BoardView]] = []
         self._before: list[BoardView | None] = []
 
@@ -107,7 +107,7 @@ class PictureGuide:
     def receive(self, images: list[Image], t_s: float) -> None:
         """Looks at the pictures of one moment."""
         if not self._coverages:
-            self._coverages = [Coverage((image.width, image.height)) for image in images]
+            self._coverages = [BoardCoverage((image.width, image.height)) for image in images]
             self._kept = [[] for _ in images]
             self._before = [None for _ in images]
         views = [self._view(image, coverage, t_s) for image, coverage in zip(images, self._coverages, strict=True)]
@@ -127,7 +127,7 @@ class PictureGuide:
                 kept.append(view)
             self._show()
 
-    def _view(self, image: Image, coverage: Coverage, t_s: float) -> BoardView | None:
+    def _view(self, image: Image, coverage: BoardCoverage, t_s: float) -> BoardView | None:
         if (image.width, image.height) != coverage.size:
             message = f"the picture is {image.width} x {image.height}, and those before {coverage.size[0]} x {coverage.size[1]}"
             raise InputError([Finding(file=image.camera, message=message, hint="set the camera to one size")])

@@ -45,7 +45,7 @@ class OutcomeOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class CalibrationOutcome:
     """A calibration as it is shown and written."""
 
     lines: Sequence[str]
@@ -67,7 +67,7 @@ def today() -> str:
     return utc_now().strftime("%Y-%m-%d")
 
 
-def settle(outcome: Outcome, options: OutcomeOptions) -> int:
+def settle(outcome: CalibrationOutcome, options: OutcomeOptions) -> int:
     """Prints a calibration, draws it, and writes it if it may be.
 
     Returns:

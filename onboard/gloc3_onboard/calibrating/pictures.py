@@ -9,10 +9,11 @@ from typing import Final, NamedTuple
 
 from gloc3.errors import Finding, InputError, Refused
 from gloc3.messages.vehicle import Image
-from gloc3_onboard.algorithms.calibration.boards import Board, BoardView
+from gloc3_onboard.algorithms.calibration.boards import BoardView, CalibrationBoard
+from gloc3_onboard.sensors.camera_sources.camera import RECORDED, recorded_pictures
 from gloc3_onboard.sensors.pictures import load_picture, pictures_in
 from gloc3_onboard.sensors.replay import topic_records
-from gloc3_onboard.sensors.sources import camera, euroc
+from gloc3_onboard.sensors.sources import euroc
 
 LOG: Final = ".mcap"
 _LAST_NUMBER: Final = re.compile(r"(\d+)\D*$")
@@ -79,8 +80,8 @@ def find_pictures(place: str, sensor: str = "cam0") -> list[NamedPicture]:
 
 def _logged(path: Path, part: str) -> list[NamedPicture]:
     topic = part or "camera/front"
-    if topic.startswith(camera.RECORDED):
-        records = camera.recorded_pictures(path, topic.partition("/")[2] or "front")
+    if topic.startswith(RECORDED):
+        records = recorded_pictures(path, topic.partition("/")[2] or "front")
     else:
         records = topic_records(path, topic, Image)
     return [NamedPicture(f"{topic} at {each.log_s:.3f} s", each.load, each.log_s) for each in records]
@@ -98,7 +99,9 @@ def _named(path: Path) -> tuple[float | None, int | None]:
     return None, int(found[1]) if found else None
 
 
-def find_boards(pictures: Sequence[NamedPicture], board: Board, report: Callable[[str], None]) -> BoardsFound:
+def find_boards(
+    pictures: Sequence[NamedPicture], board: CalibrationBoard, report: Callable[[str], None]
+) -> BoardsFound:
     """Looks for the board in all pictures.
 
     Args:

@@ -7,14 +7,14 @@ import numpy as np
 from gloc3.camera.model import Lens
 from gloc3.cli.narration import narrate
 from gloc3.errors import Refused
-from gloc3_onboard.algorithms.calibration.boards import Board, Floats
+from gloc3_onboard.algorithms.calibration.boards import CalibrationBoard, Floats
 from gloc3_onboard.algorithms.calibration.coverage import covered
 from gloc3_onboard.algorithms.calibration.stereo_fit import StereoFit, fit_pair
 from gloc3_onboard.calibrating.board_file import read_board
 from gloc3_onboard.calibrating.camera import camera_doubts, camera_entries, camera_lines, camera_panels
-from gloc3_onboard.calibrating.drawing import Panel, coverage_lines, svg
+from gloc3_onboard.calibrating.drawing import DiagramPanel, coverage_lines, svg
 from gloc3_onboard.calibrating.live import is_live, watch
-from gloc3_onboard.calibrating.outcome import Outcome, OutcomeOptions, settle
+from gloc3_onboard.calibrating.outcome import CalibrationOutcome, OutcomeOptions, settle
 from gloc3_onboard.calibrating.pictures import BoardsFound, find_boards, find_pictures, paired
 from gloc3_onboard.calibration.mounting import Transform, quaternion_of
 from gloc3_onboard.calibration.rig_file import rows_of
@@ -66,7 +66,7 @@ def stereo(
     fit = fit_pair(views, (found[0].size, found[1].size), lens, target, has_k3=k3)
     fits = (fit.left, fit.right)
     coverages = [covered(each.views, each.poses, one.size) for each, one in zip(fits, found, strict=True)]
-    lines, doubts, panels = list[str](), _doubts(fit), list[Panel]()
+    lines, doubts, panels = list[str](), _doubts(fit), list[DiagramPanel]()
     sections: dict[str, dict[str, Any]] = {}
     for number, (side, each, coverage) in enumerate(zip(SIDES, fits, coverages, strict=True)):
         name = f"cam{number}"
@@ -78,7 +78,7 @@ def stereo(
     sections["cam0"]["cam_overlaps"], sections["cam1"]["cam_overlaps"] = [1], [0]
     title = f"stereo: baseline {1e3 * fit.baseline_m:.2f} mm, {fit.rms_px:.3f} px from {fit.pairs} pairs"
     return settle(
-        Outcome(
+        CalibrationOutcome(
             lines=[*lines, *_lines(fit)],
             sections=sections,
             doubts=doubts,
@@ -99,7 +99,7 @@ def transform_of_pose(pose: Floats) -> Transform:
     return Transform((x, y, z), quaternion_of(Rotation.from_rotvec(pose[:3]).as_matrix().tolist()))
 
 
-def _find(places: tuple[str, str], board: Board, within_s: float) -> tuple[BoardsFound, BoardsFound]:
+def _find(places: tuple[str, str], board: CalibrationBoard, within_s: float) -> tuple[BoardsFound, BoardsFound]:
     lives = [is_live(place) for place in places]
     if any(lives) and not all(lives):
         raise Refused("both cameras must be live, or neither: one of them is a folder or a log")

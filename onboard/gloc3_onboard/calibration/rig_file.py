@@ -12,6 +12,7 @@ from gloc3.camera.geometry import matrix
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import dump, load_bytes, parse
 from gloc3.errors import Finding, InputError
+from gloc3.store import replace_file
 from gloc3_onboard.calibration.mounting import Transform
 
 LENSES: Final[Mapping[Lens, str]] = {Lens.PINHOLE: "radtan", Lens.RADTAN: "radtan", Lens.EQUIDISTANT: "equidistant"}
@@ -77,6 +78,4 @@ def write_sections(path: Path, sections: Mapping[str, Mapping[str, Any]], drop: 
     for name, section in sections.items():
         merged = {key: value for key, value in whole.get(name, {}).items() if key not in drop} | dict(section)
         whole[name] = {key: merged[key] for key in (*ORDER, *merged) if key in merged}
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(HEAD + dump(whole), encoding="utf-8")
-    beside.replace(path)
+    replace_file(path, (HEAD + dump(whole)).encode())

@@ -3,4 +3,4 @@
 Plain classes and functions. `boards` finds the targets; each of the others makes one kind of calibration, with its doubt.
 """
 
-__all__ = ["boards"]
+__all__ = ["boards", "coverage", "ellipsoid", "lens_fit", "stereo_fit"]

@@ -41,7 +41,7 @@ class BoardView(NamedTuple):
     t_s: float = 0.0
 
 
-class Board(ABC):
+class CalibrationBoard(ABC):
     """A flat board with corners at known places: x to the right, y up, z towards the viewer for Kalibr's grids."""
 
     @abstractmethod
@@ -58,7 +58,7 @@ class Board(ABC):
         return ()
 
 
-class Checkerboard(Board):
+class Checkerboard(CalibrationBoard):
     """A checkerboard.
 
     Args:
@@ -73,7 +73,7 @@ class Checkerboard(Board):
         self.points_m: Final[Floats] = np.column_stack((across.ravel(), up.ravel(), np.zeros(columns * rows)))
 
     def find(self, pixels: Pixels) -> tuple[Floats, Floats] | None:
-        """See `Board.find`."""
+        """See `CalibrationBoard.find`."""
         cv2 = load_opencv()
         size = (self.columns, self.rows)
         is_found, corners = cv2.findChessboardCornersSB(pixels, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
@@ -90,7 +90,7 @@ class Checkerboard(Board):
         return (view._replace(points_m=self.points_m[-1] - view.points_m),)
 
 
-class AprilGrid(Board):
+class AprilGrid(CalibrationBoard):
     """Kalibr's grid of AprilTags of the family 36h11; tag 0 is at the lower left, and small black squares may join them.
 
     Args:
@@ -106,7 +106,7 @@ class AprilGrid(Board):
         self._detectors: list[Any] = []
 
     def find(self, pixels: Pixels) -> tuple[Floats, Floats] | None:
-        """See `Board.find`."""
+        """See `CalibrationBoard.find`."""
         cv2 = load_opencv()
         times, shown = _enlarged(cv2, pixels)
         corners, tags = self._tags(cv2, shown)

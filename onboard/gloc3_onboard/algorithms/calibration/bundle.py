@@ -26,7 +26,7 @@ class Sighting(NamedTuple):
     view: BoardView
 
 
-class Rig(NamedTuple):
+class CameraRig(NamedTuple):
     """Unknowns of cameras that look at a board: all that the least squares change."""
 
     lens: Lens
@@ -41,7 +41,7 @@ class Rig(NamedTuple):
 class Solution(NamedTuple):
     """A rig that fits best, and how well."""
 
-    rig: Rig
+    rig: CameraRig
     residuals_px: tuple[Floats, ...]
     """What each sighting lacks: (n, 2), found less predicted."""
     intrinsics_cov: Floats
@@ -71,7 +71,7 @@ def project(lens: Lens, points_m: Floats, pose: Floats, intrinsics: Floats) -> t
     return pixels.reshape(-1, 2), slope[:, order]
 
 
-def solve(sightings: Sequence[Sighting], begin: Rig) -> Solution:
+def solve(sightings: Sequence[Sighting], begin: CameraRig) -> Solution:
     """The rig that makes the sum of squared distances least, from a begin that is near.
 
     The covariance is the larger of two, parameter by parameter: that of independent errors of the corners, and that of errors
@@ -127,7 +127,7 @@ def _covariance(sightings: Sequence[Sighting], jacobian: Floats, residuals: Floa
 class _Shape:
     """Order of the unknowns in one vector: intrinsics of all cameras, places of all but the first, poses."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: CameraRig) -> None:
         self.lens, self.cameras, self.moments = rig.lens, len(rig.intrinsics), len(rig.poses)
         self.k: int = rig.intrinsics.shape[1]
 
@@ -137,13 +137,13 @@ class _Shape:
     def pose_at(self, moment: int) -> int:
         return self.cameras * self.k + (self.cameras - 1 + moment) * POSE
 
-    def pack(self, rig: Rig) -> Floats:
+    def pack(self, rig: CameraRig) -> Floats:
         return np.concatenate((rig.intrinsics.ravel(), rig.places[1:].ravel(), rig.poses.ravel()))
 
-    def unpack(self, x: Floats) -> Rig:
+    def unpack(self, x: Floats) -> CameraRig:
         own, places, poses = np.split(x, [self.cameras * self.k, self.pose_at(0)])
         first = np.zeros((1, POSE))
-        return Rig(
+        return CameraRig(
             self.lens,
             own.reshape(-1, self.k),
             np.concatenate((first, places.reshape(-1, POSE))),

@@ -21,7 +21,7 @@ NEW_DISTANCE: Final = 1.25
 AXES: Final = ("up and down", "left and right")
 
 
-class Coverage:
+class BoardCoverage:
     """What has been shown so far.
 
     Args:
@@ -123,9 +123,9 @@ def tilt_deg(pose: Floats) -> tuple[float, float]:
     return math.degrees(math.atan2(normal[1], normal[2])), math.degrees(math.atan2(normal[0], normal[2]))
 
 
-def covered(views: Sequence[BoardView], poses: Floats, size: tuple[int, int]) -> Coverage:
+def covered(views: Sequence[BoardView], poses: Floats, size: tuple[int, int]) -> BoardCoverage:
     """The coverage of views with their poses."""
-    coverage = Coverage(size)
+    coverage = BoardCoverage(size)
     for view, pose in zip(views, poses, strict=True):
         coverage.add(view, pose)
     return coverage

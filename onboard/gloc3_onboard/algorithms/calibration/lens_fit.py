@@ -10,7 +10,7 @@ from gloc3.camera.model import CameraModel, Lens
 from gloc3.camera.opencv import load_opencv
 from gloc3.errors import Refused
 from gloc3_onboard.algorithms.calibration.boards import BoardView, Floats
-from gloc3_onboard.algorithms.calibration.bundle import COEFFICIENTS, POSE, Rig, Sighting, project, solve
+from gloc3_onboard.algorithms.calibration.bundle import COEFFICIENTS, POSE, CameraRig, Sighting, project, solve
 
 LEAST_VIEWS: Final = 3
 BAD_TIMES: Final = 3.0
@@ -123,7 +123,7 @@ def board_pose(model: CameraModel, view: BoardView) -> Floats:
     return np.concatenate((turn.ravel(), shift.ravel()))
 
 
-def _begin(views: Sequence[BoardView], size: tuple[int, int], lens: Lens, *, has_k3: bool) -> Rig:
+def _begin(views: Sequence[BoardView], size: tuple[int, int], lens: Lens, *, has_k3: bool) -> CameraRig:
     if lens is Lens.EQUIDISTANT:
         return min((_fisheye(views, size, share) for share in FISHEYE_FOCALS), key=lambda found: found[0])[1]
     cv2 = load_opencv()
@@ -142,10 +142,10 @@ def _begin(views: Sequence[BoardView], size: tuple[int, int], lens: Lens, *, has
     count = COEFFICIENTS[lens] + (has_k3 and lens is Lens.RADTAN)
     own = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *coefficients.ravel()[:count]]
     poses = np.hstack((np.reshape(turns, (-1, 3)), np.reshape(shifts, (-1, 3))))
-    return Rig(lens, np.array([own]), np.zeros((1, POSE)), poses)
+    return CameraRig(lens, np.array([own]), np.zeros((1, POSE)), poses)
 
 
-def _fisheye(views: Sequence[BoardView], size: tuple[int, int], share: float) -> tuple[float, Rig]:
+def _fisheye(views: Sequence[BoardView], size: tuple[int, int], share: float) -> tuple[float, CameraRig]:
     """A fisheye without coefficients whose focal length is a share of the width: its error, and the begin of a search.
 
     OpenCV's own calibration of fisheyes stops with an error where a board is near the edge.
@@ -157,7 +157,7 @@ def _fisheye(views: Sequence[BoardView], size: tuple[int, int], share: float) ->
         project(Lens.EQUIDISTANT, view.points_m, pose, own)[0] - view.pixels
         for view, pose in zip(views, poses, strict=True)
     ]
-    return _rms(np.concatenate(lacks)), Rig(Lens.EQUIDISTANT, own[None], np.zeros((1, POSE)), poses)
+    return _rms(np.concatenate(lacks)), CameraRig(Lens.EQUIDISTANT, own[None], np.zeros((1, POSE)), poses)
 
 
 def _rms(residuals: Floats) -> float:

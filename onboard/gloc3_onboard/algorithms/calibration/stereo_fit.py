@@ -8,8 +8,8 @@ import numpy as np
 
 from gloc3.camera.model import Lens
 from gloc3.errors import Refused
-from gloc3_onboard.algorithms.calibration.boards import Board, BoardView, Floats
-from gloc3_onboard.algorithms.calibration.bundle import POSE, Rig, Sighting, inverse, project, solve, then
+from gloc3_onboard.algorithms.calibration.boards import BoardView, CalibrationBoard, Floats
+from gloc3_onboard.algorithms.calibration.bundle import POSE, CameraRig, Sighting, inverse, project, solve, then
 from gloc3_onboard.algorithms.calibration.lens_fit import LensFit, board_pose, fit_lens, model_of
 
 LEAST_PAIRS: Final = 5
@@ -47,7 +47,12 @@ class StereoFit:
 
 
 def fit_pair(
-    pairs: Sequence[ViewPair], sizes: tuple[tuple[int, int], tuple[int, int]], lens: Lens, board: Board, *, has_k3: bool
+    pairs: Sequence[ViewPair],
+    sizes: tuple[tuple[int, int], tuple[int, int]],
+    lens: Lens,
+    board: CalibrationBoard,
+    *,
+    has_k3: bool,
 ) -> StereoFit:
     """Calibrates a pair of cameras.
 
@@ -85,7 +90,7 @@ def fit_pair(
         )
     alone_px = max(left.rms_px, right.rms_px)
     while True:
-        begin = Rig(
+        begin = CameraRig(
             lens,
             np.array([left.intrinsics, right.intrinsics]),
             np.array([np.zeros(POSE), middle]),
@@ -133,7 +138,7 @@ def _matched(pair: ViewPair, left: LensFit, right: LensFit) -> tuple[BoardView, 
 
 
 def _guess(
-    pair: tuple[BoardView, BoardView], board: Board, left: LensFit, right: LensFit
+    pair: tuple[BoardView, BoardView], board: CalibrationBoard, left: LensFit, right: LensFit
 ) -> tuple[tuple[BoardView, BoardView], Floats]:
     """The pair with the right board turned as the left one is, and the `right_from_left` that follows: the least turn."""
     one, other = pair

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gloc3.camera.geometry import project, unproject
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.camera.opencv import load_opencv
-from gloc3_onboard.algorithms.calibration.boards import AprilGrid, Board, Checkerboard
+from gloc3_onboard.algorithms.calibration.boards import AprilGrid, CalibrationBoard, Checkerboard
 
 Floats = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -44,7 +44,7 @@ GRID: Final = AprilGrid(6, 6, 0.03, 0.3)
 class RenderedBoard:
     """A board's picture, dots per metre, and where its corner is."""
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: CalibrationBoard) -> None:
         match board:
             case Checkerboard():
                 self.picture, self.per_m, self.origin_m = _checkerboard(board)
@@ -98,7 +98,7 @@ class BoardRenderer:
         noise: standard deviation of the grey values.
     """
 
-    def __init__(self, camera: CameraModel, board: Board, noise: float = 2.0) -> None:
+    def __init__(self, camera: CameraModel, board: CalibrationBoard, noise: float = 2.0) -> None:
         self.camera, self.drawn, self.noise = camera, RenderedBoard(board), noise
         self.shape = (FINE * camera.height, FINE * camera.width)
 

@@ -4,13 +4,13 @@ import numpy as np
 from tests.onboard.algorithms.calibration.rendered import CAMERA, CHECKERBOARD, BoardRenderer
 from tests.onboard.algorithms.calibration.scenes import seen
 
-from gloc3_onboard.algorithms.calibration.coverage import Coverage, covered, tilt_deg
+from gloc3_onboard.algorithms.calibration.coverage import BoardCoverage, covered, tilt_deg
 
 SIZE = (CAMERA.width, CAMERA.height)
 RENDERER = BoardRenderer(CAMERA, CHECKERBOARD)
 
 
-def of(count: int, tilt_deg: float = 35.0) -> Coverage:
+def of(count: int, tilt_deg: float = 35.0) -> BoardCoverage:
     poses = RENDERER.poses(count, tilt_deg=tilt_deg)
     return covered(seen(CAMERA, CHECKERBOARD, poses), np.array(poses), SIZE)
 
@@ -36,7 +36,7 @@ def test_a_board_in_one_place_covers_too_little() -> None:
 
 
 def test_a_view_is_new_by_its_place_its_tilt_or_its_distance() -> None:
-    coverage = Coverage(SIZE)
+    coverage = BoardCoverage(SIZE)
     (pose,) = RENDERER.poses(1)
     (view,) = seen(CAMERA, CHECKERBOARD, [pose])
     assert coverage.is_new(view, pose)

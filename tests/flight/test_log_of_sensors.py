@@ -29,7 +29,7 @@ def close_log(flight: Card) -> None:
 @ONE_STYLE
 def test_every_odometer_is_replayed_from_a_log_with_its_inputs(flight: Card, tmp_path: Path) -> None:
     flight.begin("hop", is_started=False, platform=RECORDED, out=tmp_path / "run")
-    flight.wait(2.5)
+    flight.wait(0.2)
     close_log(flight)
     topics = TopicTable.installed()
     with LogReader(tmp_path / "run" / "log.mcap", topics.types) as reader:

@@ -6,9 +6,9 @@ OpenDroneMap and Agisoft Metashape read, too.
 
 import io
 from datetime import UTC, datetime
+from html import escape
 from math import atan2, degrees, hypot, pi, sqrt
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
-from xml.sax.saxutils import quoteattr
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.errors import Misuse
@@ -212,7 +212,7 @@ def _xmp(tags: PhotoTags) -> str:
         fields |= {"Camera:GPSXYAccuracy": f"{max(north, east):.4f}", "Camera:GPSZAccuracy": f"{down:.4f}"}
     if tags.model is not None:
         fields |= _lens_fields(tags.model)
-    listed = "".join(f"\n   {name}={quoteattr(value)}" for name, value in fields.items())
+    listed = "".join(f'\n   {name}="{escape(value)}"' for name, value in fields.items())
     return (
         '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n'
         '<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'

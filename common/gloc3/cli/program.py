@@ -9,11 +9,6 @@ from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any, Final
 
-from cyclopts.help import HelpEntry, HelpPanel
-from rich.console import Console, ConsoleOptions
-from rich.table import Table
-from rich.text import Text
-
 from gloc3 import __version__
 from gloc3.cli.narration import ERROR, narrate
 from gloc3.errors import Gloc3Error, InputError, NoContact, nearest
@@ -21,6 +16,8 @@ from gloc3.installed import installed_points
 
 if TYPE_CHECKING:
     from cyclopts import CycloptsError
+    from cyclopts.help import HelpEntry, HelpPanel
+    from rich.console import Console, ConsoleOptions
 
 
 SUMMARIES: Final = {
@@ -134,12 +131,13 @@ def _run(arguments: list[str]) -> int:
 def _call(app: Any, arguments: list[str]) -> int:
     """Calls a subcommand's application, with GLOC3's own help pages and usage errors."""
     from cyclopts import CycloptsError, Parameter
-    from rich.console import Console
 
     app.help_formatter = HelpPage()
     app.default_parameter = Parameter(negative=())
     app.suppress_keyboard_interrupt = False
     if not arguments and app.default_command is None:
+        from rich.console import Console
+
         app.help_print([], console=Console(stderr=True))
         return EXIT_WRONG_USE
     try:
@@ -188,14 +186,17 @@ _OF_TYPE: Final = re.compile(r"(--[a-z-]+) ([A-Z]+)")
 class HelpPage:
     """Draws the parts of a help page; the library calls it with each."""
 
-    def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
+    def render_usage(self, console: "Console", options: "ConsoleOptions", usage: Any) -> None:
         """Draws the first line."""
         text = _OF_TYPE.sub(lambda found: f"{found[1]} {_placeholder(found[1], found[2])}", _plain(usage, console))
         console.print(f"Usage: {text}", markup=False, highlight=False, soft_wrap=True)
         console.print()
 
-    def __call__(self, console: Console, options: ConsoleOptions, panel: HelpPanel) -> None:
+    def __call__(self, console: "Console", options: "ConsoleOptions", panel: "HelpPanel") -> None:
         """Draws one part: the commands, the arguments or the options."""
+        from rich.table import Table
+        from rich.text import Text
+
         entries = [entry for entry in panel.entries if "--help" not in entry.names]
         if not entries:
             return
@@ -209,7 +210,7 @@ class HelpPage:
         console.print()
 
 
-def _label(entry: HelpEntry) -> str:
+def _label(entry: "HelpEntry") -> str:
     """The name of an entry with a placeholder for its value, such as `--seed NUMBER`."""
     labels = ", ".join(entry.all_options)
     if entry.positional_label or entry.metavar is None:
@@ -223,14 +224,14 @@ def _placeholder(option: str, kind: str) -> str:
     return PLACEHOLDERS.get(kind, option.removeprefix("--").replace("-", "_").upper())
 
 
-def _plain(description: Any, console: Console) -> str:
+def _plain(description: Any, console: "Console") -> str:
     """A description of any kind as text in one line."""
     if description is None:
         return ""
     return " ".join("".join(segment.text for segment in console.render(description)).split())
 
 
-def _default(entry: HelpEntry) -> str:
+def _default(entry: "HelpEntry") -> str:
     if entry.default in (None, "False", '""'):
         return ""
     return f" [default: {entry.default}]"

@@ -8,7 +8,6 @@ from typing import Any, Final
 import msgspec
 
 from gloc3.messages.perception import LaserScan
-from gloc3_onboard.datasets.laser_logs import read_laser_log
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
 from gloc3_onboard.sensors.replay import Recorded
 from gloc3_onboard.sensors.source_url import REPLAY, Number
@@ -26,6 +25,8 @@ def scan_records(path: Path, name: str, max_m: float | None = None) -> Sequence[
         InputError: the log is damaged.
         Refused: not such a log.
     """
+    from gloc3_onboard.datasets.laser_logs import read_laser_log
+
     log = read_laser_log(path, max_m)
     return [Recorded(t_s, partial(_named, scan.scan, name)) for t_s, scan in zip(log.times_s, log.scans, strict=True)]
 

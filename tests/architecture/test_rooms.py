@@ -1,6 +1,7 @@
 """Rooms: each says what it is and names its face, other rooms import faces, and the documents list them all."""
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
 
 import pytest
@@ -110,4 +111,9 @@ def test_the_page_of_rooms_is_up_to_date() -> None:
 
 
 def test_the_picture_of_rooms_is_up_to_date() -> None:
-    assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.svg(), "run `make docs`"
+    text = rooms.PICTURE.read_text(encoding="utf-8")
+    assert text == rooms.svg(), "run `make docs`"
+    boxes = re.findall(r'<rect x="(\d+)" y="\d+" width="(\d+)" height="\d+" rx="6"', text)
+    chips = re.findall(r'<rect x="(\d+)" y="\d+" width="(\d+)" height="\d+" rx="4"', text)
+    farthest = [max(int(x) + int(width) for x, width in found) for found in (boxes, chips)]
+    assert farthest[0] == farthest[1] + rooms.GAP, "the rooms are inside their packages"

@@ -20,9 +20,10 @@ COLOURS: Final = {
     "gloc3_sitl": "#e7a33d",
     "gloc3_groundstation": "#c98bdb",
 }
-CHIP_WIDTH, CHIP_HEIGHT, GAP, HEAD, BETWEEN = 146, 26, 6, 34, 66
+CHIP_WIDTH, CHIP_HEIGHT, GAP, HEAD, BETWEEN = 146, 26, 6, 34, 70
 COLUMNS: Final = 2
-WIDE_COLUMNS: Final = 8
+WIDE_COLUMNS: Final = 7
+"""Of the floor, as wide as the three packages above it."""
 
 
 class Box(NamedTuple):
@@ -53,7 +54,7 @@ def svg(root: Path = ROOT) -> str:
         boxes[name] = Box(x, 0, COLUMNS, _rooms(name, modules))
         x += boxes[name].width + BETWEEN
     bottom = max(box.height for box in boxes.values()) + BETWEEN
-    boxes[FLOOR] = Box(0, bottom, WIDE_COLUMNS - 1, _rooms(FLOOR, modules))
+    boxes[FLOOR] = Box(0, bottom, WIDE_COLUMNS, _rooms(FLOOR, modules))
     width, height = x - BETWEEN, bottom + boxes[FLOOR].height
     parts = [
         line

@@ -9,6 +9,8 @@ MISSION ?= inspection
 NAME ?=
 SECONDS ?= 60
 KEY ?=
+# All extras but oak, whose library has 400 MB.
+LOCKED := groundstation gpio joystick laser logs realsense ros2 sitl token video
 
 # Where bytecode is not kept, each start of a program or of the tests would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -56,7 +58,7 @@ pictures: $(READY)  ## the pictures in the docs, from simulated flights; NAME=â€
 
 lock:  ## after a change of the dependencies: new hashes
 	test -x $(BIN)/uv || $(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(BIN)/uv pip compile -q pyproject.toml --all-extras --group dev --generate-hashes --universal \
+	$(BIN)/uv pip compile -q pyproject.toml $(LOCKED:%=--extra %) --group dev --generate-hashes --universal \
 	    --python-version 3.11 --no-header --no-annotate -o requirements.txt
 	$(BIN)/uv pip compile -q --group fuzz --generate-hashes --universal \
 	    --python-version 3.11 --no-header --no-annotate -o requirements-fuzz.txt

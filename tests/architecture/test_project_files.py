@@ -72,3 +72,13 @@ def test_every_declared_dependency_is_in_the_notice() -> None:
 @pytest.mark.skipif(sys.version_info >= (3, 12), reason="newer Pythons get other versions of some packages")
 def test_the_licences_are_those_that_the_packages_state() -> None:
     assert notice.FILE.read_text(encoding="utf-8") == notice.text(), "run `make docs`"
+
+
+def test_every_extra_is_in_the_lock_but_those_that_are_too_large_for_it() -> None:
+    makefile, lock = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "requirements.txt"))
+    locked = re.findall(r"^LOCKED := (.*)$", makefile, re.MULTILINE)[0].split()
+    extras = {extra for package, extra in notice.declared().items() if extra and package not in notice.UNLOCKED}
+    assert sorted(locked) == sorted(extras)
+    for package in notice.declared():
+        is_in_lock = re.search(rf"^{re.escape(package)}(\[.*\])?==", lock, re.MULTILINE | re.IGNORECASE) is not None
+        assert is_in_lock == (package not in notice.UNLOCKED), package

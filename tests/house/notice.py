@@ -17,6 +17,8 @@ GLOC3 contains no code of the packages below. Its installation fetches them, by 
 under its own licence, as its metadata states it. Packages may contain further libraries: their licence files name them.
 `make docs` writes this file, and a test compares it.
 """
+UNLOCKED: Final[Mapping[str, str]] = {"depthai": "MIT"}
+"""Declared packages that are not in the lock, and so need not be installed here, with the licence that they state."""
 OF_A_CLASSIFIER: Final = "License :: "
 
 
@@ -33,6 +35,8 @@ def licence_of(package: str) -> str:
     Raises:
         ValueError: Its metadata names none.
     """
+    if package in UNLOCKED:
+        return UNLOCKED[package]
     given = metadata(package)
     classifiers = [
         one.removeprefix(OF_A_CLASSIFIER).removeprefix("OSI Approved :: ")

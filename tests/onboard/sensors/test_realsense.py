@@ -174,12 +174,14 @@ def test_a_device_that_is_lost_is_opened_by_each_sensor_that_tries_again() -> No
         assert device.tries == number
 
 
-def test_a_missing_library_names_its_extra(monkeypatch: pytest.MonkeyPatch, made: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("extra", ["realsense", "oak"])
+def test_a_missing_library_names_its_extra(
+    extra: str, monkeypatch: pytest.MonkeyPatch, made: Callable[..., Any]
+) -> None:
     import gloc3_onboard.sensors.registry as registry
 
     monkeypatch.setattr(registry, "find_spec", lambda module: None)
-    hint = r"pip install 'gloc3\[realsense\]'"
-    with pytest.raises(Gloc3Error, match=hint):
-        made(depth_camera="realsense://any")
-    problem = place_problem(parse_source("depth_camera", "realsense://any"), Path())
-    assert "gloc3[realsense]" in problem
+    with pytest.raises(Gloc3Error, match=rf"{extra} any: .* pip install 'gloc3\[{extra}\]'"):
+        made(depth_camera=f"{extra}://any")
+    problem = place_problem(parse_source("depth_camera", f"{extra}://any"), Path())
+    assert f"gloc3[{extra}]" in problem

@@ -15,4 +15,5 @@ __all__ = [
     "reader",
     "record",
     "selection",
+    "sending",
 ]

@@ -9,6 +9,7 @@ from typing import Annotated, Final
 import msgspec
 from cyclopts import App, Parameter
 
+from gloc3.cli.narration import narrate
 from gloc3.documents.characters import printable
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.installed import installed_points
@@ -207,6 +208,29 @@ def recover_(file: Path, out: Path | None = None, /) -> int:
         print(f"lost: {loss}", file=sys.stderr)  # noqa: T201
     print(f"{target}: {report.messages:,} messages")  # noqa: T201
     return DONE
+
+
+@app.command(usage="gloc3 log send FOLDER --by COMMAND")
+def send(folder: Path, /, *, by: str) -> int:
+    """Send the logs of a folder elsewhere, each once, when it is complete: by rclone, rsync, scp, curl or any other command.
+
+    - `gloc3 log send /var/log/gloc3/pelican --by "rclone copy {} remote:logs"`
+    - `gloc3 log send runs/hop --by "rsync --partial {} flights@server:logs/"`
+
+    What was sent is noted in FOLDER/sent.txt. A log that is still written waits until it is finished, one that its process
+    has left unfinished until ten minutes have passed. The exit code is 1 if a file could not be sent: the next call tries
+    again. `gloc3 onboard install --send-logs` calls it every few minutes while the vehicle is disarmed.
+
+    Args:
+        folder: The folder with the logs.
+        by: The command; {} is the file. It has sent the file if it ends with 0.
+    """
+    from gloc3.log.sending import send_logs
+
+    found = send_logs(folder, by, narrate)
+    for name in found.running:
+        narrate(f"{name} is still written")
+    return DONE if not found.failed else IMPERFECT
 
 
 @app.command(name="replay")

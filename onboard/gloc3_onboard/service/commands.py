@@ -1,7 +1,10 @@
 """`gloc3 onboard install` and `uninstall`: the onboard process as a service of systemd."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from cyclopts import Parameter
 
 from gloc3.cli.narration import narrate
 from gloc3_onboard.cli.onboard_options import Flag, OnboardOptions
@@ -10,14 +13,31 @@ ROOT: Final = Path("/")
 DEFAULTS: Final = OnboardOptions()
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ServiceOptions:
+    """What the service is, one option for each field."""
+
+    user: str = "gloc3"
+    """Whose service it is; made if there is none."""
+    udev: Flag = False
+    """Also write rules of udev that give the cameras and serial lines that are plugged in names that stay."""
+    cpus: str = ""
+    """Which processors the service may use, such as 2-3; default: all."""
+    send_logs: str = ""
+    """The command that sends a log elsewhere, such as "rclone copy {} remote:logs"; {} is the file. Every five minutes while
+    the vehicle is disarmed, what is complete and was not sent yet is sent (`gloc3 log send`)."""
+
+
+THE_USUAL: Final = ServiceOptions()
+
+
 def install(
     platform: str,
     /,
     *,
     options: OnboardOptions = DEFAULTS,
-    user: str = "gloc3",
-    udev: Flag = False,
-    cpus: str = "",
+    service: ServiceOptions = THE_USUAL,
     dry_run: Flag = False,
     prefix: Path = ROOT,
 ) -> int:
@@ -30,15 +50,15 @@ def install(
     Args:
         platform: A platform file, or the name of one that is installed, such as pelican.
         options: How.
-        user: Whose service it is; made if there is none.
-        udev: Also write rules of udev that give the cameras and serial lines that are plugged in names that stay.
-        cpus: Which processors the service may use, such as 2-3; default: all.
+        service: As what.
         dry_run: Print what would be written; change nothing.
         prefix: Write below this folder, for the disk of another computer.
     """
     from gloc3_onboard.service.install import carry_out, make_plan
 
-    plan = make_plan(platform, options, user, with_udev=udev, cpus=cpus)
+    plan = make_plan(platform, options, service.user, with_udev=service.udev, cpus=service.cpus)
+    if service.send_logs:
+        plan = plan.sending_logs(service.send_logs)
     if dry_run:
         for path, text in plan.files(prefix).items():
             print(f"# {path}\n{text}")  # noqa: T201
@@ -47,7 +67,8 @@ def install(
     for text in plan.advice:
         narrate(text)
     if not dry_run:
-        narrate(f"to start it now and with the computer: systemctl enable --now {plan.unit.file}")
+        timer = "" if plan.sender is None else f" {plan.sender.stem}.timer"
+        narrate(f"to start it now and with the computer: systemctl enable --now {plan.unit.file}{timer}")
     return 0
 
 

@@ -16,6 +16,7 @@ import msgspec
 
 from gloc3.clock import utc_now
 from gloc3.errors import Finding, Refused
+from gloc3.log.sending import words_of
 from gloc3.network.file import read_network
 from gloc3.platform.places import choose_host
 from gloc3.platform.platform import Platform
@@ -28,7 +29,7 @@ from gloc3_onboard.sensors.rig import PlatformRig
 from gloc3_onboard.sensors.source_url import SERIAL_GROUP
 from gloc3_onboard.service.environments import CURRENT
 from gloc3_onboard.service.needs import DeviceNode, allowed, arguments, homes, keys, modules, nodes
-from gloc3_onboard.service.unit import SystemdUnit
+from gloc3_onboard.service.unit import LogSender, SystemdUnit
 
 SYS: Final = Path("/sys")
 FOLDER: Final = "gloc3"
@@ -143,12 +144,25 @@ class InstallPlan(msgspec.Struct, frozen=True, kw_only=True):
     unit: SystemdUnit
     rules: str = ""
     """For udev; empty for none."""
+    sender: LogSender | None = None
+    """Sends its logs elsewhere; None where they stay."""
     advice: tuple[str, ...] = ()
     """Advice for people."""
+
+    def sending_logs(self, by: str) -> "InstallPlan":
+        """The same, with logs sent elsewhere by a command, as for `gloc3 log send`.
+
+        Raises:
+            Refused: it is no command.
+        """
+        words_of(by)
+        return msgspec.structs.replace(self, sender=LogSender(of=self.unit, by=by))
 
     def files(self, prefix: Path) -> dict[Path, str]:
         """Every file with its content."""
         found = {prefix / UNITS / self.unit.file: self.unit.text()}
+        if self.sender is not None:
+            found |= {prefix / UNITS / name: text for name, text in self.sender.files().items()}
         if self.rules:
             found[prefix / RULES / rules_file(self.unit.name)] = self.rules
         return found
@@ -312,10 +326,14 @@ def remove(name: str, prefix: Path, report: Report) -> None:
     if not unit.exists():
         known = sorted(path.stem.removeprefix("gloc3-") for path in unit.parent.glob("gloc3-*.service"))
         raise Refused(f"there is no service {name!r}; installed: {', '.join(known) or 'none'}")
+    senders = [unit.with_name(f"send-{unit.stem}{suffix}") for suffix in (".timer", ".service")]
     if prefix == ROOT and _has_systemd():
+        for timer in senders[:1]:
+            if timer.exists():
+                _run(["systemctl", "disable", "--now", timer.name], report)
         _run(["systemctl", "disable", "--now", unit.name], report)
     has_rules = False
-    for path in (unit, prefix / RULES / rules_file(name)):
+    for path in (unit, *senders, prefix / RULES / rules_file(name)):
         try:
             path.unlink()
         except FileNotFoundError:

@@ -92,7 +92,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
         return "\n\n".join(
             [
                 f"# Runs the companion process of {self.name}. {CHANGES} systemctl edit {self.file}",
-                self._section(
+                section(
                     "Unit",
                     f"Description=GLOC3 onboard process of {self.name}",
                     "After=network.target " + " ".join(self._modules()),
@@ -101,7 +101,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
                     "StartLimitIntervalSec=300",
                     "StartLimitBurst=60",
                 ),
-                self._section(
+                section(
                     "Service",
                     "Type=notify",
                     "NotifyAccess=main",
@@ -166,11 +166,71 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
             return ["PrivateDevices=yes", "DevicePolicy=closed"]
         return ["DevicePolicy=closed", *(f"DeviceAllow={device} rw" for device in self.devices)]
 
-    @staticmethod
-    def _section(name: str, *lines: str) -> str:
-        """A section; empty lines part its groups, several in a row are one."""
-        text = "\n".join(line.rstrip() for line in lines)
-        return re.sub(r"\n{3,}", "\n\n", f"[{name}]\n{text}").rstrip()
+
+class LogSender(msgspec.Struct, frozen=True, kw_only=True):
+    """Sends the logs of a service elsewhere, as a systemd unit and its timer."""
+
+    of: SystemdUnit
+    """The service."""
+    by: str
+    """The command for each file, as for `gloc3 log send`."""
+
+    @property
+    def stem(self) -> str:
+        """Of the units' names."""
+        return f"send-gloc3-{self.of.name}"
+
+    def files(self) -> dict[str, str]:
+        """The unit files by name."""
+        unit = self.of
+        program = unit.command[: unit.command.index("onboard")]
+        command = (*program, "log", "send", str(unit.logs), "--by", self.by)
+        is_disarmed = f"! systemctl show -P StatusText {unit.file} | grep -q '; armed, '"
+        service = "\n\n".join(
+            [
+                f"# Sends the logs of {unit.name}. {CHANGES} systemctl edit {self.stem}.service",
+                section("Unit", f"Description=Logs of {unit.name} to elsewhere", "After=network-online.target"),
+                section(
+                    "Service",
+                    "Type=oneshot",
+                    "# Nothing is sent while the vehicle is armed.",
+                    f"ExecCondition=+/bin/sh -c {quoted(is_disarmed)}",
+                    f"ExecStart={' '.join(quoted(word) for word in command)}",
+                    "",
+                    f"User={unit.user}",
+                    f"Environment=HOME={unit.state}",
+                    f"StateDirectory=gloc3/{unit.name}",
+                    "StateDirectoryMode=0750",
+                    f"LogsDirectory=gloc3/{unit.name}",
+                    "LogsDirectoryMode=0750",
+                    "",
+                    "CPUWeight=1",
+                    "Nice=19",
+                    "IOSchedulingClass=idle",
+                    "MemoryMax=25%",
+                    "PrivateDevices=yes",
+                    "DevicePolicy=closed",
+                    HARDENING.format(home="tmpfs" if unit.homes else "yes").rstrip(),
+                    f"BindReadOnlyPaths={' '.join(quoted(str(path)) for path in unit.homes)}" if unit.homes else "",
+                )
+                + "\n",
+            ]
+        )
+        timer = "\n\n".join(
+            [
+                f"# When the logs of {unit.name} are sent. {CHANGES} systemctl edit {self.stem}.timer",
+                section("Unit", f"Description=Logs of {unit.name} to elsewhere, every few minutes"),
+                section("Timer", "OnBootSec=2min", "OnUnitInactiveSec=5min", "RandomizedDelaySec=30s"),
+                "[Install]\nWantedBy=timers.target\n",
+            ]
+        )
+        return {f"{self.stem}.service": service, f"{self.stem}.timer": timer}
+
+
+def section(name: str, *lines: str) -> str:
+    """A section of a unit file; empty lines part its groups, several in a row are one."""
+    text = "\n".join(line.rstrip() for line in lines)
+    return re.sub(r"\n{3,}", "\n\n", f"[{name}]\n{text}").rstrip()
 
 
 def quoted(word: str) -> str:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 from dataclasses import replace
@@ -67,6 +68,47 @@ def test_a_dry_run_prints_the_unit_and_writes_nothing(tmp_path: Path, capsys: py
     assert "onboard copter --take-plans --out=/var/lib/gloc3/copter --logs=/var/log/gloc3/copter" in text
     assert "Environment" not in text
     assert list(tmp_path.iterdir()) == []
+
+
+def test_logs_are_sent_by_a_timer_while_the_vehicle_is_disarmed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    units = tmp_path / "etc/systemd/system"
+    by = "rclone copy {} remote:logs"
+    assert run(["onboard", "install", "copter", "--prefix", str(tmp_path), "--send-logs", by]) == 0
+    assert "systemctl enable --now gloc3-copter.service send-gloc3-copter.timer" in capsys.readouterr().err
+    service = (units / "send-gloc3-copter.service").read_text()
+    assert 'log send /var/log/gloc3/copter --by "rclone copy {} remote:logs"' in service
+    assert "User=gloc3" in service
+    (condition,) = [line for line in service.split("\n") if line.startswith("ExecCondition=")]
+    script = shlex.split(condition.partition("=")[2])[2].replace(
+        "systemctl show -P StatusText gloc3-copter.service", "cat"
+    )
+    for status, is_sent in (
+        ("armed, in air, AUTO", False),
+        ("disarmed, on ground, HOLD", True),
+        ("no autopilot", True),
+    ):
+        line = f"copter is working: 17 of 17 components work; {status}"
+        assert (subprocess.run(["/bin/sh", "-c", script], input=line.encode(), check=False).returncode == 0) is is_sent
+    assert "OnUnitInactiveSec=5min" in (units / "send-gloc3-copter.timer").read_text()
+    assert run(["onboard", "uninstall", "copter", "--prefix", str(tmp_path)]) == 0
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+    assert run(["onboard", "install", "copter", "--prefix", str(tmp_path), "--send-logs", "rclone 'copy"]) == 2
+    assert "is no command: No closing quotation" in capsys.readouterr().err
+
+
+@NEEDS_SYSTEMD
+def test_systemd_verifies_the_units_that_send_logs(tmp_path: Path) -> None:
+    plan = make_plan("copter", OnboardOptions(), "gloc3").sending_logs("cp {} /mnt/logs")
+    for path, text in plan.files(tmp_path).items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    for suffix in ("service", "timer"):
+        file = tmp_path / "etc/systemd/system" / f"send-gloc3-copter.{suffix}"
+        command = ["systemd-analyze", "verify", "--man=no", "--recursive-errors=yes", str(file)]
+        verified = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (verified.returncode, verified.stderr) == (0, "")
 
 
 def test_what_is_installed_can_be_uninstalled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,6 +13,7 @@ from gloc3_onboard.sensors.sources.doppler import A50Decoder, Pd6Decoder
 from gloc3_onboard.sensors.sources.estimator_wire import JsonDecoder, OdometryDecoder
 from gloc3_onboard.sensors.sources.laser import mounted_scan
 from gloc3_onboard.sensors.sources.probe import LineDecoder
+from gloc3_onboard.sensors.sources.ranger_wire import LwnxReader, RangeDecoder
 from gloc3_onboard.sensors.sources.rplidar import scan_of
 from gloc3_onboard.sensors.sources.scip import ScipError, ScipReader, measure, parameters_of, turn_of
 
@@ -57,6 +58,15 @@ def doppler_log(data: bytes) -> None:
                 assert isfinite(velocity.altitude_m)
                 assert velocity.altitude_m >= 0.0
                 assert report.stamp_us is None or report.stamp_us > 0
+
+
+@fuzz_target("gloc3_onboard.sensors.sources.ranger_wire")
+def range_finder(data: bytes) -> None:
+    """Bytes of range finders of either kind are distances above 0 or none, and packets that are whole."""
+    decoder, reader = RangeDecoder(), LwnxReader()
+    for piece in pieces(data, 53):
+        assert all(distance is None or 0.0 < distance < 656.0 for distance in decoder.receive(piece))
+        assert all(len(packet.data) < 40 for packet in reader.receive(piece))
 
 
 @fuzz_target("gloc3_onboard.sensors.sources.probe")

@@ -14,6 +14,7 @@ from gloc3.log.reader import LogReader
 from gloc3.messages.vehicle import Image, ImageRecorded
 from gloc3_onboard.sensors import devices
 from gloc3_onboard.sensors.camera_sources.stereo import STEREO, SideBySide, pair_names
+from gloc3_onboard.sensors.camera_sources.v4l2_controls import parse_controls, set_controls
 from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sensors.pictures import load_picture
 from gloc3_onboard.sensors.registry import SensorKind, SourceKind, SourceRequest
@@ -43,6 +44,7 @@ V4L2: Final[Options] = {
     "exposure_s": Number(1e-6, 10.0),
     "gain": Number(0.0, 1e4),
     "format": None,
+    "controls": None,
     **DELAY,
     **PIXELS,
 }
@@ -68,12 +70,16 @@ class VideoCamera(ThreadedSource[StampedImage]):
         url: `v4l2`, `gst`, `rtsp` or `video`.
         folder: base of relative file names.
         now_s: our time, monotonic.
+
+    Raises:
+        Refused: the URL's controls are not written as such.
     """
 
     def __init__(self, name: str, url: SourceUrl, folder: Path, now_s: Callable[[], float]) -> None:
         super().__init__(name, now_s)
         self._url, self._folder = url, folder
         self._delay_s = url.number("delay_s", 0.0)
+        self._controls = parse_controls(name, url.options.get("controls", ""))
 
     def frame(self) -> StampedImage | None:
         """The latest frame; None before the first."""
@@ -90,6 +96,8 @@ class VideoCamera(ThreadedSource[StampedImage]):
             if not capture.isOpened():
                 raise Gloc3Error(f"{self.name}: {self._closed_reason()}")
             _set_up(cv2, capture, self._url.options, self.name)
+            if self._controls:
+                set_controls(self.name, self._url.device_file or Path(self._url.place), self._controls)
             yield self._frames(cv2, capture)
         finally:
             capture.release()

@@ -1,5 +1,6 @@
 """Renders the pictures of one camera: drawing, blur, lens distortion, exposure and noise."""
 
+from functools import lru_cache
 from math import floor
 from typing import Any, Final, NamedTuple
 from zlib import crc32
@@ -109,6 +110,12 @@ class Optics:
         return LensCanvas(face_from_rdf, Pinhole(model.focal_px, (-left, -top), width, height), maps, mask)
 
 
+@lru_cache(maxsize=16)
+def optics_of(model: CameraModel) -> Optics:
+    """The optics of a camera, one for all flights of the process."""
+    return Optics(model)
+
+
 class Renderer:
     """Draws one world, in the channels of its sheets."""
 
@@ -203,7 +210,7 @@ class Studio:
         self._world, self._model = world, model
         self._imager, self._exposure = imager, exposure
         self._seed, self._stream = seed, crc32(imager.name.encode())
-        self._optics = Optics(model)
+        self._optics = optics_of(model)
         sheets = Sheets(world)
         self._renderers = [Renderer(sheets, canvas.pinhole) for canvas in self._optics.canvases]
         self._grains = Grains(world.file.dust, seed)

@@ -14,7 +14,7 @@ from gloc3.camera.opencv import load_opencv
 from gloc3_sitl.world.patches import PatchView
 from gloc3_sitl.world.placing import WorldPlacement
 from gloc3_sitl.world.sheets import Sheets
-from gloc3_sitl.world.studio import Optics, Renderer
+from gloc3_sitl.world.studio import Renderer, optics_of
 from gloc3_sitl.world.texture import NEUTRAL, Image
 from gloc3_sitl.world.world import World
 
@@ -32,7 +32,7 @@ class Tinter:
     def __init__(self, world: World, model: CameraModel) -> None:
         self._cv2 = load_opencv()
         self._size = (model.width, model.height)
-        self._optics = Optics(_coarse(model))
+        self._optics = optics_of(_coarse(model))
         sheets = Sheets(world, is_tint=True)
         self._renderers = [Renderer(sheets, canvas.pinhole) for canvas in self._optics.canvases]
 

@@ -12,6 +12,7 @@ from gloc3.messages.frames import Vector3, rotate_back
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.world import World, rig
 from gloc3_sitl.world.camera import SimulatedCamera
+from gloc3_sitl.world.studio import optics_of
 
 from .pictures import CLEAN, fore_wall_by_hand, largest_shift_px, shift_px
 
@@ -118,3 +119,9 @@ def test_a_fisheye_of_more_than_a_canvas_can_hold_is_drawn_without_gaps(truth_at
     angle = np.hypot(columns - 321.3, rows - 238.1) / 210.0
     assert np.count_nonzero(picture[angle < 1.5] == 0) == 0
     assert np.count_nonzero(picture[angle > 1.6]) == 0, "what is beside the camera has no place in the model"
+
+
+def test_a_lens_is_computed_once_for_all_flights_and_another_lens_is_another() -> None:
+    bent = msgspec.structs.replace(FRONT, lens=Lens.EQUIDISTANT)
+    assert optics_of(bent) is optics_of(msgspec.structs.replace(bent))
+    assert optics_of(bent) is not optics_of(FRONT)

@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 from tests.evidence.page import Bar, Figure, Progress
 from tests.onboard.algorithms.fusion.ablation import FAULTS, HARMLESS, SOURCES, suffer
 from tests.onboard.algorithms.fusion.consistency import consistency
@@ -61,7 +61,7 @@ def accuracy(progress: Progress) -> list[Figure]:
 def _honesty(name: str, found: dict[str, Any]) -> list[Figure]:
     """Errors and innovations, by what the covariance says of them."""
     nees = np.array(found["nees"])
-    inside = float(np.mean(nees <= chi2.ppf(0.95, 6)))
+    inside = float(np.mean(nees <= chdtri(6, 0.05)))
     figures = [
         Figure(
             f"{name}: squared error of the pose over what is claimed, mean of {nees.size}", f"{nees.mean() / 6.0:.2f}"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 from tests.evidence.page import Bar, Figure, Progress
 from tests.flight.pose_trial import LOST_M, MOMENTS_S, ODOMETERS, fly
 
@@ -124,7 +124,7 @@ def _honesty(name: str, runs: list[dict[str, Any]]) -> list[Figure]:
     for key, what, degrees in (("nees_place", "position", 3), ("nees", "position and attitude", 6)):
         count = min(len(each[key]) for each in runs)
         means = np.mean([each[key][:count] for each in runs], axis=0) / degrees
-        low, high = (float(chi2.ppf(p, len(runs) * degrees)) / (len(runs) * degrees) for p in (0.025, 0.975))
+        low, high = (float(chdtri(len(runs) * degrees, 1.0 - p)) / (len(runs) * degrees) for p in (0.025, 0.975))
         mean = float(means.mean())
         inside = float(np.mean(means <= high))
         figures += [

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 from tests.flight.probe import Array, Belief, ProbedFusion, probed
 
 from gloc3.clock import run_virtual
@@ -190,7 +190,7 @@ def judge(fusion: ProbedFusion, truth: TrueWay) -> Judged:
         nees_place=[_square(errors[at, :3], beliefs[at].covariance[:3, :3]) for at in moments],
         nees=[_square(errors[at], beliefs[at].covariance) for at in moments],
         innovation={name: float(np.mean(each[:, 0] / each[:, 1])) for name, each in squares.items()},
-        inside={name: float(np.mean(each[:, 0] <= chi2.ppf(0.95, each[:, 1]))) for name, each in squares.items()},
+        inside={name: float(np.mean(each[:, 0] <= chdtri(each[:, 1], 0.05))) for name, each in squares.items()},
         beyond=float(is_beyond.sum() / valid.sum()),
         lied_s=len(lied) * period_s,
         valid=float(valid.mean()),

@@ -15,7 +15,7 @@ app = App(
     into a platform file as `front: "rig.yaml#cam0"`. A result that is not trustworthy is refused with the reason, unless
     `--force` is given. Exit codes: 0 written, 1 not trustworthy, 2 wrong use or unusable data.
 
-    A usual order, with a board of AprilTags as for Kalibr:
+    For example, with a board of AprilTags as for Kalibr:
 
     - `gloc3 calibrate stereo v4l2:///dev/video2 v4l2:///dev/video4 --board aprilgrid.yaml --report stereo.svg`
     - `gloc3 calibrate magnetometer serial:///dev/ttyACM0:115200 --rig magnetometer.yaml`""",

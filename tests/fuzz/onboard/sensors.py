@@ -7,7 +7,9 @@ from typing import Final
 import numpy as np
 from tests.fuzz.target import as_file, fuzz_target, pieces, refuses
 
+from gloc3.errors import Gloc3Error
 from gloc3_onboard.calibration.reader import read_calibration
+from gloc3_onboard.sensors.camera_sources.raw_frames import RawFrameReader
 from gloc3_onboard.sensors.registry import parse_source, source_kinds
 from gloc3_onboard.sensors.sources.doppler import A50Decoder, Pd6Decoder
 from gloc3_onboard.sensors.sources.estimator_wire import JsonDecoder, OdometryDecoder
@@ -58,6 +60,17 @@ def doppler_log(data: bytes) -> None:
                 assert isfinite(velocity.altitude_m)
                 assert velocity.altitude_m >= 0.0
                 assert report.stamp_us is None or report.stamp_us > 0
+
+
+@fuzz_target("gloc3_onboard.sensors.camera_sources.raw_frames")
+def raw_frames(data: bytes) -> None:
+    """A program's output is frames of as many bytes as their size says, or is refused."""
+    for reader in (RawFrameReader(), RawFrameReader((4, 2))):
+        with suppress(Gloc3Error):
+            for piece in pieces(data, 53):
+                for frame in reader.receive(piece):
+                    pixels = frame.width * frame.height
+                    assert len(frame.data) == (pixels if frame.is_grey else pixels * 3 // 2)
 
 
 @fuzz_target("gloc3_onboard.sensors.sources.ranger_wire")

@@ -140,7 +140,7 @@ def test_a_side_by_side_camera_is_a_stereo_pair(tmp_path: Path) -> None:
         ("v4l2:///dev/video99", "/dev/video99 is not there; is it plugged in?"),
         ("v4l2://99", "/dev/video99 is not there"),
         ("v4l2:///dev/null", ""),
-        ("gst://videotestsrc ! appsink", "built without GStreamer"),
+        ("gst://videotestsrc ! appsink", "gst-launch-1.0 is not installed, and this OpenCV is built without GStreamer"),
         ("video://nothing.avi", "is not there"),
         ("video://nothing/%05d.png", "is not there"),
         ("video://text.avi", "is no video"),

@@ -1,6 +1,5 @@
 """Cameras: by OpenCV's VideoCapture: V4L2 devices, GStreamer pipelines, RTSP streams, video files at their pace, and logs."""
 
-import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -107,8 +106,8 @@ class VideoCamera(ThreadedSource[StampedImage]):
         if self._url.scheme == "gst":
             if cv2.CAP_GSTREAMER not in cv2.videoio_registry.getBackends() or not _is_built_with_gstreamer(cv2):
                 raise Gloc3Error(
-                    f"{self.name}: this OpenCV is built without GStreamer, as the wheels of PyPI are; install one with it "
-                    "(Debian: python3-opencv), or use v4l2:// or rtsp://"
+                    f"{self.name}: gst-launch-1.0 is not installed, and this OpenCV is built without GStreamer; Debian: sudo apt "
+                    "install gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good"
                 )
             return cv2.VideoCapture(place, cv2.CAP_GSTREAMER)
         if self._url.scheme == "v4l2":
@@ -266,22 +265,9 @@ def _make(request: SourceRequest) -> VideoCamera | SideBySide:
     return SideBySide(camera, pair_names(request.device)) if request.sensor.name == STEREO else camera
 
 
-def _of_pipeline(url: SourceUrl) -> Sequence[Path]:
-    return [Path(path) for path in re.findall(r"/dev/video\d+", url.place)]
-
-
 SENSORS: Final = (SensorKind(CAMERA, ReplayCamera, _logged, _poll, lambda device: (camera_name(device),)),)
 SOURCES: Final = (
     SourceKind("v4l2", EYES, "v4l2:///dev/video0?width=640&height=480&rate_hz=15", _make, V4L2, group=VIDEO_GROUP),
-    SourceKind(
-        "gst",
-        EYES,
-        "gst://v4l2src ! videoconvert ! appsink",
-        _make,
-        is_verbatim=True,
-        group=VIDEO_GROUP,
-        device_files=_of_pipeline,
-    ),
     SourceKind("rtsp", EYES, "rtsp://192.168.1.20:554/stream", _make, {**DELAY, **PIXELS}),
     SourceKind(
         "video",

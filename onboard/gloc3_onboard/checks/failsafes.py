@@ -34,7 +34,8 @@ def failsafe_checks(readings: Readings) -> Iterator[Check]:
     for name, (value, what) in table.doubtful.items():
         if setup.parameters.get(name) == value:
             yield Check(GROUP, name, Verdict.WARNING, f"{value:g}: it {what}", f"set {name} to another value")
-    for name, (values, what, right) in table.hindering.items():
+    wrong = {**table.hindering, **(table.ignoring_pilot if readings.platform.pilot else {})}
+    for name, (values, what, right) in wrong.items():
         if (given := setup.parameters.get(name)) in values:
             yield Check(GROUP, name, Verdict.RED, f"{given:g}: it {what}", f"set {name} to {right:g}")
 

@@ -89,6 +89,8 @@ class StyleTable(NamedTuple):
     """Parameter values that deserve a warning, and their effect."""
     hindering: Mapping[str, tuple[tuple[float, ...], str, float]] = {}
     """Parameters with values by which our paths are not flown, what they do, and a value that does not."""
+    ignoring_pilot: Mapping[str, tuple[tuple[float, ...], str, float]] = {}
+    """The same of values by which a pilot's transmitter is ignored; wrong where a pilot stands by."""
     own_return: ReturnTable = ReturnTable({})
     """Without heights where it does not climb."""
 
@@ -107,6 +109,7 @@ class StyleTable(NamedTuple):
             found |= dict.fromkeys((failsafe.volts,))
         found |= dict.fromkeys((fence.kinds, fence.enabled_by, *(limit.parameter for limit in fence.limits)))
         found |= dict.fromkeys((*self.calibrated, *self.arming_checks, *self.doubtful, *self.hindering))
+        found |= dict.fromkeys(self.ignoring_pilot)
         own = self.own_return
         found |= dict.fromkeys((*own.heights, *own.climbs, own.lands, own.rally))
         return tuple(name for name in found if name)

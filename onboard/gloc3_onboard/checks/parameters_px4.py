@@ -48,6 +48,7 @@ COPTER: Final = StyleTable(
     ),
     calibrated={"CAL_GYRO0_ID": "gyroscope", "CAL_ACC0_ID": "accelerometer", "CAL_MAG0_ID": "compass"},
     arming_checks={},
+    ignoring_pilot={"COM_RC_IN_MODE": ((1.0, 4.0), "ignores the transmitter of the pilot who stands by", 0.0)},
     own_return=ReturnTable({"RTL_RETURN_ALT": 1.0}, lands="RTL_TYPE"),
 )
 

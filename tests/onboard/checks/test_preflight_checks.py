@@ -205,6 +205,20 @@ def test_a_vehicle_is_left_to_a_pilot_only_where_one_stands_by(has_pilot: bool, 
     assert ("pilot: true" in check.advice) is not has_pilot
 
 
+@pytest.mark.parametrize(
+    ("has_pilot", "value", "is_red"),
+    [(True, 4.0, True), (True, 1.0, True), (True, 0.0, False), (True, 2.0, False), (False, 4.0, False)],
+)
+def test_a_pilot_who_stands_by_is_not_ignored(has_pilot: bool, value: float, is_red: bool) -> None:
+    platform = msgspec.structs.replace(stating(), pilot=has_pilot)
+    checks = found(setup=setup(set={"COM_RC_IN_MODE": value}), platform=platform)
+    assert ("failsafes: COM_RC_IN_MODE" in checks) is is_red
+    if is_red:
+        check = checks["failsafes: COM_RC_IN_MODE"]
+        assert (check.verdict, check.advice) == (Verdict.RED, "set COM_RC_IN_MODE to 0")
+        assert check.finding == f"{value:g}: it ignores the transmitter of the pilot who stands by"
+
+
 @pytest.mark.parametrize(("value", "is_red"), [(0.0, False), (2.0, True), (5.0, True)])
 def test_a_plane_whose_plans_need_a_landing_is_red(value: float, is_red: bool) -> None:
     names = table_of(Style.PX4, VehicleClass.PLANE).names()

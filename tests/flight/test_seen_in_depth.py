@@ -32,6 +32,15 @@ def test_what_has_left_the_view_beside_it_is_remembered(flight: Card, tmp_path: 
     assert ruler.nearest.hull_m < courses.NEAREST_M
 
 
+def test_when_its_camera_is_lost_it_stops_and_flies_on_when_it_is_back(flight: Card, tmp_path: Path) -> None:
+    lost = ["device:depth_camera=lost@9..14"]
+    ruler = courses.fly(flight, depth.behind_a_box(), tmp_path, platform=depth.depth_platform(), seed=SEED, faults=lost)
+    assert flight.state("sweep") == "done"
+    assert ruler.nearest.hull_m >= courses.NEAREST_M
+    standing = [x for t_s, (x, _, _) in ruler.places_m if 12.0 < t_s < 14.0]
+    assert max(standing) - min(standing) < 0.2
+
+
 def test_where_no_way_leads_round_it_stops_before_it_and_says_so(flight: Card, tmp_path: Path) -> None:
     ruler = courses.fly(flight, depth.before_a_wall(), tmp_path, platform=depth.depth_platform(), seed=SEED)
     assert flight.state("sweep") == "failed"

@@ -18,6 +18,8 @@ from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter, carefu
 from gloc3_onboard.algorithms.paths.separation import Passage, SeparationRule
 from gloc3_onboard.algorithms.paths.setpoint_gate import SETPOINT_AGE_S, SetpointGate
 
+ANY_SPEED_M_S: Final = 100.0
+"""A limit of this is none."""
 _AT_REST: Final = (0.0, 0.0, 0.0)
 CLEAR_S: Final = 3.0
 """So long nothing has slowed the vehicle down before another one is reported out of the way, s."""
@@ -32,6 +34,8 @@ class LimiterSettings(Settings, frozen=True):
     """Distance from the vehicle's middle to any obstacle that is wanted, in metres."""
     obstacles_limit_s: Annotated[float, Bounds(0.1, 10.0)] = 1.0
     """Obstacles that were seen longer ago do not count."""
+    blind_m_s: Annotated[float, Bounds(0.0, ANY_SPEED_M_S)] = ANY_SPEED_M_S
+    """Its speed, at most, while no obstacles are reported, in m/s; 0: without a sensor that sees them it stays where it is."""
     full_quality: Annotated[float, Bounds(0.0, 1.0)] = 0.7
     """With a pose of less quality the vehicle slows down."""
     hold_quality: Annotated[float, Bounds(0.0, 0.99)] = 0.3
@@ -140,12 +144,15 @@ class Limiter(Controller[LimiterSettings]):
         place = pose.payload
         self._limited_s = now_s
         self._limiter.set_vehicle(place.position_ned_m, place.velocity_ned_m_s, pose.t_s, place.reset_counter)
-        if now_s - self._seen_s > self.settings.obstacles_limit_s:
-            self._limiter.obstacles = None
         settings = self.settings
         self._limiter.careful_m_s = careful_speed_m_s(
             place.quality, settings.full_quality, settings.hold_quality, settings.careful_m_s
         )
+        why_slow = f"the pose quality is too low ({place.quality:.2f})"
+        if now_s - self._seen_s > settings.obstacles_limit_s:
+            self._limiter.obstacles = None
+            if settings.blind_m_s < min(self._limiter.careful_m_s, ANY_SPEED_M_S):
+                self._limiter.careful_m_s, why_slow = settings.blind_m_s, "no obstacles are reported"
         passage, apart = self._passage(wanted.payload, place, neighbours, now_s)
         self._limiter.careful_m_s = min(self._limiter.careful_m_s, apart)
         limited = self._limiter.limit(wanted.payload, wanted.t_s)
@@ -155,7 +162,7 @@ class Limiter(Controller[LimiterSettings]):
             self.reason = f"it keeps away from {passage.name}, {passage.distance_m:.1f} m away"
         elif limited.is_clamped and self._limiter.careful_m_s < math.inf:
             slow = f"no more than {self._limiter.careful_m_s:.2f} m/s" if self._limiter.careful_m_s else "it holds"
-            self.reason = f"the pose quality is too low ({place.quality:.2f}): {slow}"
+            self.reason = f"{why_slow}: {slow}"
         results: list[Result] = [self.setpoint.report(limited.setpoint, t_s=wanted.t_s)]
         results += self._separation_state(passage, now_s)
         return results

@@ -8,9 +8,9 @@ from msgspec.structs import replace
 from tests.onboard.messages import LIMITS, grant, pose, setpoint
 from tests.onboard.stage import Stage
 
-from gloc3.messages.vehicle import Manoeuvre, ManoeuvreKind, Setpoint
+from gloc3.messages.vehicle import Manoeuvre, ManoeuvreKind, ObstacleScan, Setpoint
 from gloc3.mission.model.fence import Fence
-from gloc3_onboard.components.controllers.limiter import Limiter
+from gloc3_onboard.components.controllers.limiter import Limiter, LimiterSettings
 
 
 def working(limits: object = LIMITS) -> tuple[Stage, Limiter]:
@@ -164,11 +164,15 @@ def test_after_a_stop_the_limits_are_waited_for_again() -> None:
     assert stage.all(Setpoint) == []
 
 
-def flown_m_s(quality: float) -> tuple[float, Limiter]:
+def flown_m_s(quality: float, seen: ObstacleScan | None = None, **settings: float) -> tuple[float, Limiter]:
     """How fast the point moves towards a far target with a pose of a quality, once it has settled."""
-    stage, limiter = working()
+    limiter = Limiter()
+    stage = Stage(limiter, LimiterSettings(**settings))
+    stage.step(limits=LIMITS, grant=grant("go"), pose=pose())
     at, speed = 0.0, 0.0
     for _ in range(60):
+        if seen is not None:
+            stage.put(obstacles=seen)
         stage.step(
             pose=pose(at, velocity_ned_m_s=(speed, 0.0, 0.0), quality=quality),
             setpoint_wanted=setpoint((20.0, 0.0, -2.0)),
@@ -198,3 +202,17 @@ def test_it_slows_down_no_harder_than_the_platform_brakes() -> None:
     assert speeds[58] > 2.9
     assert speeds[-1] == pytest.approx(0.0, abs=1e-6)
     assert max(a - b for a, b in pairwise(speeds)) <= LIMITS.acceleration_m_s2 * 0.05 + 1e-6
+
+
+def test_while_no_obstacles_are_reported_it_is_no_faster_than_may_be_flown_blind() -> None:
+    nothing = ObstacleScan(points_ne_m=[])
+    covered = replace(nothing, is_valid=False, reason="covered")
+    assert flown_m_s(1.0, nothing, blind_m_s=0.0)[0] == pytest.approx(3.0, abs=0.1)
+    held, limiter = flown_m_s(1.0, covered, blind_m_s=0.0)
+    assert held == pytest.approx(0.0, abs=1e-6)
+    assert limiter.reason == "no obstacles are reported: it holds"
+    slow, limiter = flown_m_s(1.0, covered, blind_m_s=0.3)
+    assert slow == pytest.approx(0.3, abs=0.02)
+    assert limiter.reason == "no obstacles are reported: no more than 0.30 m/s"
+    assert flown_m_s(0.25, covered, blind_m_s=0.3)[1].reason == "the pose quality is too low (0.25): it holds"
+    assert flown_m_s(1.0, covered)[0] == pytest.approx(3.0, abs=0.1), "unless it is set"

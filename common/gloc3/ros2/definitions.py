@@ -234,6 +234,31 @@ uint16 SERVICE_GALILEO=8
 int8 status
 uint16 service
 
+MSG: sensor_msgs/PointCloud2
+std_msgs/Header header
+uint32 height
+uint32 width
+sensor_msgs/PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] data
+bool is_dense
+
+MSG: sensor_msgs/PointField
+uint8 INT8=1
+uint8 UINT8=2
+uint8 INT16=3
+uint8 UINT16=4
+uint8 INT32=5
+uint8 UINT32=6
+uint8 FLOAT32=7
+uint8 FLOAT64=8
+string name
+uint32 offset
+uint8 datatype
+uint32 count
+
 MSG: sensor_msgs/Range
 uint8 ULTRASOUND=0
 uint8 INFRARED=1

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 from gloc3.component.lci import State
 from gloc3.messages.envelope import ComponentStatus, Envelope, Event, Severity
 from gloc3.messages.frames import ENU_FROM_NED, IDENTITY, Quaternion, Vector3, multiply, normalize, rotate_back
-from gloc3.messages.perception import ImuSample, LaserScan, SatelliteFix
+from gloc3.messages.perception import DepthImage, ImuSample, LaserScan, PointCloud, SatelliteFix
 from gloc3.messages.vehicle import AutopilotState, HeightAboveGround, Image, Pose
 from gloc3.messages.watch import Preview
 
@@ -17,6 +17,13 @@ FRD_FROM_FLU: Final[Quaternion] = (0.0, 1.0, 0.0, 0.0)
 UNKNOWN: Final = float("nan")
 NOT_MEASURED: Final = -1.0
 """First element of a covariance: there is no such estimate (sensor_msgs/Imu)."""
+
+FLOAT32: Final = 7
+"""Of `sensor_msgs/PointField`."""
+CLOUD_STEP: Final = 12
+"""Bytes of a point."""
+SAME_SHARE: Final = 1e-6
+"""A unit that is off a millimetre by less is one: it was a number of 32 bits."""
 
 OK, WARN, ERROR, STALE = range(4)
 """Levels of `diagnostic_msgs/DiagnosticStatus`."""
@@ -184,6 +191,47 @@ def _scan(envelope: Envelope[LaserScan], time: RosMessage) -> Iterator[RosRecord
     yield RosRecord(f"/{envelope.topic}", "sensor_msgs/LaserScan", message)
 
 
+def _depth(envelope: Envelope[DepthImage], time: RosMessage) -> Iterator[RosRecord]:
+    """In millimetres, whatever the camera's unit is."""
+    depth = envelope.payload
+    units = array("H", depth.data)
+    millimetres = depth.scale_m * 1e3
+    if abs(millimetres - 1.0) > SAME_SHARE:
+        units = array("H", [min(round(unit * millimetres), 0xFFFF) for unit in units])
+    message = {
+        "header": header(time, depth.camera),
+        "height": depth.height,
+        "width": depth.width,
+        "encoding": "16UC1",
+        "is_bigendian": 0,
+        "step": 2 * depth.width,
+        "data": units.tobytes(),
+    }
+    yield RosRecord(f"/{envelope.topic}", "sensor_msgs/Image", message)
+
+
+def _cloud(envelope: Envelope[PointCloud], time: RosMessage) -> Iterator[RosRecord]:
+    """On the axes of ROS's body: forward, left, up."""
+    points = array("f", envelope.payload.data[: len(envelope.payload.data) // CLOUD_STEP * CLOUD_STEP])
+    for axis in (1, 2):
+        points[axis::3] = array("f", [-part for part in points[axis::3]])
+    count = len(points) // 3
+    message = {
+        "header": header(time, BODY),
+        "height": 1,
+        "width": count,
+        "fields": [
+            {"name": name, "offset": 4 * index, "datatype": FLOAT32, "count": 1} for index, name in enumerate("xyz")
+        ],
+        "is_bigendian": False,
+        "point_step": CLOUD_STEP,
+        "row_step": CLOUD_STEP * count,
+        "data": points.tobytes(),
+        "is_dense": True,
+    }
+    yield RosRecord(f"/{envelope.topic}", "sensor_msgs/PointCloud2", message)
+
+
 def _image(envelope: Envelope[Image], time: RosMessage) -> Iterator[RosRecord]:
     image = envelope.payload
     message = {
@@ -332,6 +380,8 @@ _CONVERTERS: Final[Mapping[type, Callable[[Any, RosMessage], Iterator[RosRecord]
     Pose: _pose,
     ImuSample: _imu,
     LaserScan: _scan,
+    DepthImage: _depth,
+    PointCloud: _cloud,
     Image: _image,
     Preview: _preview,
     SatelliteFix: _fix,

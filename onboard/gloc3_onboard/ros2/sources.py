@@ -1,21 +1,22 @@
-"""Nodes of ROS 2 as sensors: odometry and scans from the wire of rmw_zenoh."""
+"""Nodes of ROS 2 as sensors: odometry, scans and depth pictures from the wire of rmw_zenoh."""
 
 import math
 import queue
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 import msgspec
 
-from gloc3.errors import Gloc3Error
-from gloc3.messages.perception import EstimatorPose, LaserScan
+from gloc3.errors import Gloc3Error, Refused
+from gloc3.messages.perception import DepthImage, EstimatorPose, LaserScan
 from gloc3_onboard.autopilot.telemetry import BootClock
-from gloc3_onboard.sensors.devices import StampedEstimatorPose, StampedScan
+from gloc3_onboard.sensors.camera_sources.depth import DEPTH, depth_name
+from gloc3_onboard.sensors.devices import StampedDepth, StampedEstimatorPose, StampedScan
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
-from gloc3_onboard.sensors.source_url import DELAY, Number, Options, SourceUrl
+from gloc3_onboard.sensors.source_url import DELAY, DEPTHS, FAR_M, NEAR_M, Number, Options, SourceUrl
 from gloc3_onboard.sensors.sources.estimator_wire import FLU, pose_of
 from gloc3_onboard.sensors.sources.laser import MOUNT, mounted_scan
 from gloc3_onboard.sensors.threaded import ThreadedSource
@@ -30,6 +31,8 @@ WAITING: Final = 64
 WAIT_S: Final = 0.3
 _NONSENSE: Final = 50
 """Messages that are not accepted, without one that is, after which the topic is taken for something else."""
+DEPTH_UNIT_M: Final = 0.001
+MOST_DEPTH_M: Final = 65.0
 NETWORK: Final[Options] = {"router": None, "domain": Number(0, 232, True)}
 """The options of every source in ROS 2."""
 
@@ -177,6 +180,51 @@ class RosLaser(RosSource[StampedScan]):
         return StampedScan(t_s, item)
 
 
+class RosDepthCamera(RosSource[StampedDepth]):
+    """A depth camera of another node (`sensor_msgs/Image` of 16UC1 in millimetres, or 32FC1 in metres; REP 118)."""
+
+    kind = "sensor_msgs/Image"
+
+    def depth(self) -> StampedDepth | None:
+        """The latest frame; None before the first.
+
+        Raises:
+            Gloc3Error: the topic brings something else.
+        """
+        return self.latest()
+
+    def convert(self, message: Any) -> tuple[float, DepthImage]:
+        """The picture; a depth that is no number, or farther away than 65 m, is none."""
+        import numpy as np
+
+        kinds = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+        if message.encoding not in kinds:
+            raise ValueError(f"pictures of {message.encoding!r} are no depths, which are 16UC1 or 32FC1")
+        form = np.dtype(kinds[message.encoding]).newbyteorder(">" if message.is_bigendian else "<")
+        height, width, step, data = message.height, message.width, message.step, bytes(message.data)
+        if not width * form.itemsize <= step <= len(data) // max(height, 1):
+            raise ValueError(f"{len(data)} bytes are not {height} rows of {step} bytes with {width} depths")
+        rows = np.frombuffer(data, np.uint8, height * step).reshape(height, step)[:, : width * form.itemsize]
+        values = np.ascontiguousarray(rows).view(form)
+        if form.kind == "f":
+            metres = np.where(np.isfinite(values) & (values > 0.0), values, 0.0)
+            values = np.where(metres < MOST_DEPTH_M, np.rint(metres / DEPTH_UNIT_M), 0.0)
+        depth = DepthImage(
+            camera=depth_name(self.name),
+            width=width,
+            height=height,
+            data=values.astype("<u2").tobytes(),
+            scale_m=DEPTH_UNIT_M,
+            range_min_m=self._url.number("min_m", NEAR_M),
+            range_max_m=self._url.number("max_m", FAR_M),
+        )
+        return _stamp_s(message), depth
+
+    def stamped(self, t_s: float, item: DepthImage) -> StampedDepth:
+        """The picture with its time."""
+        return StampedDepth(t_s, item)
+
+
 def _stamp_s(message: Any) -> float:
     return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9  # type: ignore[no-any-return]
 
@@ -186,18 +234,27 @@ def _library_problem() -> str:
     return "" if is_there else 'ROS 2 needs further packages: pip install "gloc3[ros2]"'
 
 
-def _make(request: SourceRequest) -> RosEstimator | RosLaser:
-    source = RosLaser if request.sensor.name == "laser" else RosEstimator
-    return source(request.device, request.url, request.now_s)
+def _make(request: SourceRequest) -> RosSource[Any]:
+    url, kind = request.url, request.sensor.name
+    for option in url.options:
+        if option not in {**NETWORK, **DELAY, **_OPTIONS[kind]}:
+            raise Refused(f"{request.device}: {url.text!r}: there is no {option} of the device {kind}")
+    return _KINDS[kind](request.device, url, request.now_s)
 
 
+_KINDS: Final[Mapping[str, type[RosSource[Any]]]] = {
+    "estimator": RosEstimator,
+    "laser": RosLaser,
+    DEPTH: RosDepthCamera,
+}
+_OPTIONS: Final[Mapping[str, Options]] = {"estimator": {}, "laser": MOUNT, DEPTH: DEPTHS}
 SOURCES: Final = (
     SourceKind(
         "ros2",
-        ("estimator", "laser"),
+        tuple(_KINDS),
         "ros2://odometry/filtered, or ros2://scan?router=tcp/192.168.1.20:7447",
         _make,
-        {**NETWORK, **DELAY, **MOUNT},
+        {**NETWORK, **DELAY, **MOUNT, **DEPTHS},
         problem=_library_problem,
     ),
 )

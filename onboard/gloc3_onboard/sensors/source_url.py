@@ -27,6 +27,11 @@ PIXELS: Final[Options] = {"pixels": frozenset({"colour", GREY})}
 DELAY: Final[Options] = {"delay_s": Number(0.0, 1.0)}
 REPLAY: Final[Options] = {"skip_s": Number(0.0, 1e6)}
 YAW: Final[Options] = {"yaw_deg": Number(-360.0, 360.0)}
+DEPTHS: Final[Options] = {"min_m": Number(0.0, 100.0), "max_m": Number(0.1, 1000.0)}
+"""Nearest and farthest depth that a camera measures."""
+NEAR_M: Final = 0.2
+FAR_M: Final = 10.0
+"""These, unless the URL says otherwise."""
 SERIAL_GROUP: Final = "dialout"
 VIDEO_GROUP: Final = "video"
 """The groups of users that may use serial lines and cameras (Debian's names)."""

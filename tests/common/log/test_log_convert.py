@@ -25,9 +25,11 @@ from gloc3.messages.perception import (
     CELL_FREE,
     CELL_OCCUPIED,
     CELL_UNKNOWN,
+    DepthImage,
     ImuSample,
     LaserScan,
     OccupancyMap,
+    PointCloud,
     SatelliteFix,
 )
 from gloc3.messages.standard_topics import TOPICS
@@ -86,6 +88,10 @@ def flight(origin: tuple[float, float, float] | None = ORIGIN) -> bytes:
         ranges_m=bytes.fromhex("0000803f 00000040 00004040 00008040 0000a040"), duration_s=0.1,
     )  # fmt: skip
     log.send("laser", scan, 3.9, SERVER)
+    depths = DepthImage(camera="depth", width=2, height=1, data=bytes.fromhex("e8030000"), scale_m=0.0005)
+    log.send("depth/front", depths, 3.9, SERVER)
+    cloud = PointCloud(sensor="depth", data=bytes.fromhex("0000803f 00000040 00004040"))
+    log.send("cloud/front", cloud, 3.9, SERVER)
     log.send("camera/front", Image(camera="front", width=3, height=2, data=bytes(range(6))), 3.9, SERVER)
     log.send("satellites", SatelliteFix(place_geo=ORIGIN, std_m=2.0, satellites=9, height_std_m=3.0), 3.9, SERVER)
     status = ComponentStatus(name="pose", kind=Kind.PROCESSOR, state=State.FAULTY, cause="ValueError", rate_hz=20.0)
@@ -219,6 +225,8 @@ def test_a_bag_is_read_whole_by_rosbags_with_the_types_of_ros_itself(file: Path)
         "/pelican/battery": 1,
         "/pelican/laser": 1,
         "/pelican/camera/front": 1,
+        "/pelican/depth/front": 1,
+        "/pelican/cloud/front": 1,
         "/pelican/satellites": 1,
         "/diagnostics": 1,
         "/rosout": 1,
@@ -239,6 +247,11 @@ def test_a_bag_is_read_whole_by_rosbags_with_the_types_of_ros_itself(file: Path)
     assert list(last["/pelican/laser"].ranges) == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert last["/pelican/laser"].angle_max == pytest.approx(1.0)
     assert bytes(last["/pelican/camera/front"].data) == bytes(range(6))
+    depths, cloud = last["/pelican/depth/front"], last["/pelican/cloud/front"]
+    assert (depths.encoding, depths.width, depths.step) == ("16UC1", 2, 4)
+    assert list(depths.data.view("<u2")) == [500, 0], "millimetres"
+    assert [field.name for field in cloud.fields] == ["x", "y", "z"]
+    assert (cloud.width, cloud.point_step, list(cloud.data.view("<f4"))) == (1, 12, [1.0, -2.0, -3.0])
     assert last["/pelican/satellites"].latitude == ORIGIN[0]
     assert last["/pelican/battery"].current == -10.0
     (status,) = last["/diagnostics"].status

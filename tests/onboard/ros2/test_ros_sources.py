@@ -14,10 +14,10 @@ from tests.ros_peer import Peer, peer, router
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.frames import rotate, to_euler
-from gloc3_onboard.ros2.sources import RosEstimator, RosLaser
+from gloc3_onboard.ros2.sources import RosDepthCamera, RosEstimator, RosLaser
 from gloc3_onboard.sensors.registry import parse_source
 
-ODOMETRY, SCAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"
+ODOMETRY, SCAN, IMAGE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Image"
 
 
 @pytest.fixture
@@ -113,6 +113,63 @@ def test_a_scan_of_another_node_comes_as_a_scanners_turn(endpoint: str, other: P
     assert (found.angle_min_rad, found.angle_step_rad) == (pytest.approx(-1.0 + pi / 18), 1.0)
     assert list(np.frombuffer(found.ranges_m, "<f4")) == [1.0, inf, 3.0]
     assert found.duration_s == pytest.approx(0.1)
+
+
+def depth_camera(url: str = "ros2://depth") -> RosDepthCamera:
+    return RosDepthCamera("rear_depth_camera", parse_source("rear_depth_camera", url), monotonic)
+
+
+@pytest.mark.sockets
+def test_a_depth_picture_of_another_node_comes_in_millimetres(endpoint: str, other: Peer) -> None:
+    device = depth_camera(f"ros2://camera/depth?router={endpoint}&max_m=6")
+    publisher = other.publisher("/camera/depth", IMAGE)
+    values = np.array([[0, 1000, 65535], [2, 3, 4]], "<u2")
+    image = {
+        "height": 2,
+        "width": 3,
+        "encoding": "16UC1",
+        "is_bigendian": 0,
+        "step": 6,
+        "data": values.view("u1").ravel(),
+    }
+    send = {"header": header(other, 1_700_000_000.0), **image}
+    depth = first(device, device.depth, lambda: publisher.publish(**send)).depth
+    assert (depth.camera, depth.width, depth.height, depth.scale_m) == ("rear_depth", 3, 2, 0.001)
+    assert (depth.data, depth.range_max_m) == (values.tobytes(), 6.0)
+
+
+def image(values: Any, encoding: str, padding: int = 0, **changes: Any) -> SimpleNamespace:
+    """A picture as it is decoded, with some bytes behind each row."""
+    height, width = values.shape
+    rows = np.hstack([np.ascontiguousarray(values).view("u1").reshape(height, -1), np.zeros((height, padding), "u1")])
+    fields = {"height": height, "width": width, "step": rows.shape[1], "is_bigendian": values.dtype.byteorder == ">"}
+    stamp = SimpleNamespace(sec=10, nanosec=0)
+    fields |= {"encoding": encoding, "data": rows.tobytes(), "header": SimpleNamespace(stamp=stamp)} | changes
+    return SimpleNamespace(**fields)
+
+
+def test_depths_in_metres_and_in_the_order_of_other_processors_are_the_same() -> None:
+    metres = np.array([[nan, 1.0, inf], [-1.0, 70.0, 0.0024]], "<f4")
+    expected = [0, 1000, 0, 0, 0, 2]
+    for given in (image(metres, "32FC1"), image(metres.astype(">f4"), "32FC1", padding=8)):
+        assert list(np.frombuffer(depth_camera().convert(given)[1].data, "<u2")) == expected
+    found = depth_camera().convert(image(np.array([[5, 258]], ">u2"), "mono16", padding=2))[1]
+    assert list(np.frombuffer(found.data, "<u2")) == [5, 258]
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"encoding": "rgb8"}, "pictures of 'rgb8' are no depths"),
+        ({"step": 2}, "12 bytes are not 2 rows of 2 bytes with 3 depths"),
+        ({"height": 3}, "12 bytes are not 3 rows of 6 bytes with 3 depths"),
+        ({"data": b""}, "0 bytes are not 2 rows"),
+    ],
+)
+def test_a_picture_that_is_no_depths_is_refused(changes: dict[str, Any], why: str) -> None:
+    given = image(np.zeros((2, 3), "<u2"), "16UC1")
+    with pytest.raises(ValueError, match=why):
+        depth_camera().convert(SimpleNamespace(**(vars(given) | changes)))
 
 
 @pytest.mark.sockets

@@ -97,6 +97,7 @@ def test_what_is_no_source_is_refused(device: str, text: str, told: str) -> None
         ({"ground_camera": "tcp://127.0.0.1:70000"}, "write an address"),
         ({"laser": "hokuyo://192.168.0.10"}, "write an address as hokuyo://127"),
         ({"laser": "autopilot://#distance"}, "did you mean 'distance_sensor'"),
+        ({"estimator": "ros2://odom?yaw_deg=3"}, "there is no yaw_deg of the device estimator"),
         ({"stereo_camera": "pair://left_camera"}, "name two cameras"),
         ({"stereo_camera": "pair://a_camera,b_camera", "a_camera": "none://"}, "there is no camera 'b_camera'"),
     ],

@@ -13,8 +13,6 @@ from gloc3_onboard.sensors.camera_sources.camera import CAMERA, image_of
 from gloc3_onboard.sensors.camera_sources.depth import DEPTH
 from gloc3_onboard.sensors.camera_sources.shared import (
     EVERY,
-    FAR_M,
-    NEAR_M,
     SILENT_S,
     STREAMS,
     SharedDevice,
@@ -24,7 +22,7 @@ from gloc3_onboard.sensors.camera_sources.shared import (
 from gloc3_onboard.sensors.camera_sources.stereo import STEREO
 from gloc3_onboard.sensors.devices import StampedDepth, StampedImage, StampedPair
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest, library_problem
-from gloc3_onboard.sensors.source_url import SourceUrl
+from gloc3_onboard.sensors.source_url import FAR_M, NEAR_M, SourceUrl
 
 ANY: Final = "any"
 WAIT_MS: Final = 300

@@ -10,24 +10,20 @@ from gloc3_onboard.sensors.camera_sources.depth import DEPTH, depth_name
 from gloc3_onboard.sensors.camera_sources.stereo import STEREO, pair_names
 from gloc3_onboard.sensors.devices import StampedDepth, StampedImage, StampedPair, Unwatch
 from gloc3_onboard.sensors.registry import SourceRequest
-from gloc3_onboard.sensors.source_url import GREY, Number, Options, SourceUrl
+from gloc3_onboard.sensors.source_url import DEPTHS, PIXELS, Number, Options, SourceUrl
 from gloc3_onboard.sensors.threaded import ThreadedSource
 
 STREAMS: Final[Options] = {
     "width": Number(16, 16_384, True),
     "height": Number(16, 16_384, True),
     "rate_hz": Number(1.0, 300.0),
-    "pixels": frozenset({"colour", GREY}),
-    "min_m": Number(0.0, 100.0),
-    "max_m": Number(0.1, 1000.0),
+    **PIXELS,
+    **DEPTHS,
 }
 """The options of each stream."""
 EVERY: Final = (CAMERA, STEREO, DEPTH)
 SILENT_S: Final = 3.0
 """So long a device that works is never without a picture."""
-FAR_M: Final = 10.0
-"""What is farther away is not measured, unless `max_m` says so."""
-NEAR_M: Final = 0.2
 
 
 class SharedDevice(ThreadedSource[Mapping[str, Any]]):

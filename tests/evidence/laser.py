@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from tests.data_folders import LASER_LOGS
 from tests.evidence.laser_matchers import Run, constant_drive, peers, plain_drive, plain_match, zero_drive
+from tests.evidence.laser_relations import relation_figures
 from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.camera.opencv import load_opencv
@@ -55,7 +56,7 @@ def level(log: LaserLog, number: int, noise: Array | None = None) -> Any:
 def _found(target: Any, source: Array) -> Planar:
     walls = LocalMap(1.0)
     walls.add(lines_of(target), Planar(), 0.0)
-    return search(source, walls, Planar(), SearchWindow(START_M, START_RAD)).pose
+    return search(source, walls, Planar(), SearchWindow(START_M, START_RAD))[0].pose
 
 
 def converge(
@@ -210,7 +211,7 @@ def _closings(log: LaserLog, poses: Sequence[Planar], way: Sequence[float]) -> l
         for k in range(max(0, i - 12), min(len(poses), i + 13), 3) if near else ():
             walls.add(lines_of(level(log, k)), poses[i].inverse() @ poses[k], 0.0)
         for j in near:
-            closed = search(level(log, j).points_m, walls, poses[i].inverse() @ poses[j], SearchWindow(1.5, 0.7))
+            closed = search(level(log, j).points_m, walls, poses[i].inverse() @ poses[j], SearchWindow(1.5, 0.7))[0]
             if closed.share > CLOSED and not closed.information.is_degenerate:
                 found.append((i, j, closed.pose))
     return found
@@ -239,6 +240,7 @@ def drifts(progress: Progress) -> list[Figure]:
                 )
             text = f"mean {mean} %, median {median} % over 5/10/50 m, {found['ms']:.2f} ms"
             figures.append(Figure(f"{name}, {runner}", text, bar, is_met))
+    figures += relation_figures(progress)
     progress.report("breezy")
     hokuyo: dict[str, Any] = progress.part("breezy", loops)
     figures.append(
@@ -275,12 +277,17 @@ BARS = (
     ),
     Bar(
         "laser-drift",
-        "On recorded scans the laser odometer drifts by at most 1 % over 10 m, less than its peers",
+        "On recorded scans the laser odometer drifts by at most 1 % over 10 m, and its maps are right to 6 cm",
         "CSAIL (one scan per metre, turned by 20° in the median and 78° at most) and ACES (long corridors) are "
         "compared with the poses of their corrected logs, which are accurate to some centimetres. All matchers get "
         "the motion of the wheels as a guess. The Hokuyo's log has no truth and no matcher gets a guess: where it "
         "passes a place again, the two scans are fitted to each other. Errors are relative errors as evo defines "
-        "them, mean of all segments.",
+        "them, mean of all segments. The rows with relations follow the SLAM benchmark of Freiburg: mean errors of "
+        "motions between scans that people have checked, beside its figures for graph mapping. Their logs are public "
+        "(acschaefer/ple, tipaldi/flirtlib, xiaofeng419/SLAM-2D-LIDAR-SCAN) and lie in the folder that GLOC3_RELATIONS "
+        "names: all 4,791 scans of Freiburg 079; of CSAIL and Intel what is published there, thinned by others (1,051 "
+        "and 2,672 scans, with the relations between these). Normalised errors are those of the odometer's motions "
+        "against the poses of the map. All times are processor time.",
         drifts,
     ),
 )

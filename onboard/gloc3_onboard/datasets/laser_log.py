@@ -15,8 +15,12 @@ from gloc3.evaluation.trajectory import is_number
 from gloc3.messages.perception import LaserScan
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
-INTERVAL_S = 0.1
-"""Scan interval of logs without times, s."""
+INTERVAL_S = 1.0
+"""Scan interval of logs without times, s: such logs have usually been thinned out."""
+LEAST_S = 0.001
+"""Of scans whose times are out of order, each is so much later than the one before, s."""
+DISORDERED = 0.2
+"""Of a log with times this share of the steps goes back at most, and by no more than a usual step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,14 +42,26 @@ class LaserLog:
 
     scans: Sequence[LoggedScan]
     has_times: bool
-    """The times of the log grow from scan to scan; where they do not, the scans are counted."""
+    """The times of the log grow, but for some that are out of order; where they do not, the scans are counted."""
+    jitter_s: float = 0.0
+    """Largest step back of the times, s."""
 
     @property
     def times_s(self) -> list[float]:
         """When each scan was taken."""
-        if self.has_times:
-            return [scan.stamp_s for scan in self.scans]
-        return [INTERVAL_S * number for number in range(len(self.scans))]
+        if not self.has_times:
+            return [INTERVAL_S * number for number in range(len(self.scans))]
+        stamps = np.sort([scan.stamp_s for scan in self.scans])
+        if self.jitter_s > 0.0:
+            later = LEAST_S * np.arange(len(stamps))
+            stamps = np.maximum.accumulate(stamps - later) + later
+        times_s: list[float] = stamps.tolist()
+        return times_s
+
+    @property
+    def has_wheels(self) -> bool:
+        """Whether the log tells the motion of the wheels."""
+        return any(scan.wheels is not None for scan in self.scans)
 
 
 class LaserLogLine:
@@ -114,7 +130,10 @@ def log_of(path: Path, scans: Sequence[LoggedScan]) -> LaserLog:
     if not scans:
         raise InputError([Finding(file=path.name, line=0, column=0, message="there is no laser scan in it")])
     stamps = np.array([scan.stamp_s for scan in scans])
-    return LaserLog(scans=scans, has_times=bool(np.all(np.diff(stamps) > 0.0)))
+    steps = np.diff(stamps)
+    jitter_s = max(0.0, float(-steps.min(initial=0.0)))
+    has_times = not len(steps) or bool(np.mean(steps <= 0.0) <= DISORDERED and jitter_s <= np.median(steps))
+    return LaserLog(scans=scans, has_times=has_times, jitter_s=jitter_s)
 
 
 def file_of(dataset: Path) -> Path:

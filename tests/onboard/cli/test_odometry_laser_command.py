@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -57,3 +58,55 @@ def test_a_truth_without_the_same_scans_or_times_is_refused(log: Path, tmp_path:
         _call(app, ["laser", str(log), "--truth", str(tmp_path / "other.log")])
     with pytest.raises(Refused, match="--range-max"):
         _call(app, ["laser", str(log), "--range-max", "0"])
+
+
+def test_a_thinned_log_without_times_uses_the_wheels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A scan each 0.8 m and 30 degrees, as in public logs that have been cut down; the wheels are wrong by a tenth."""
+    random, scanner = np.random.default_rng(1), Scanner(HOLD, beams=360, angle_min_rad=-np.pi / 2, angle_span_rad=np.pi)
+    poses, wheels = [Planar()], [Planar()]
+    for number in range(24):
+        step = Planar(0.8, 0.0, -0.5) if number % 4 else Planar(0.4, 0.0, 0.6)
+        poses.append(poses[-1] @ step)
+        wheels.append(wheels[-1] @ Planar(1.1 * step.x_m, 0.0, 1.1 * step.yaw_rad))
+    scans = [" ".join(f"{range_m:.3f}" for range_m in ranges_of(scanner.scan(pose, random))) for pose in poses]
+    places = [[f"{p.x_m:.5f} {-p.y_m:.5f} {-p.yaw_rad:.6f}" for p in way] for way in (wheels, poses)]
+    raw = [f"LASER_READING 360 {scan} {place} 0" for scan, place in zip(scans, places[0], strict=True)]
+    true = [f"FLASER 360 {scan} {place} {place} 1.1e+09 x 1" for scan, place in zip(scans, places[1], strict=True)]
+    for name, lines in (("raw.gfs", raw), ("true.log", true)):
+        (tmp_path / name).write_text("\n".join(lines).replace(" inf", " 81.9"))
+    given = ["laser", str(tmp_path / "raw.gfs"), "--truth", str(tmp_path / "true.log"), "--json", "--align", "origin"]
+    assert _call(app, given) == 0
+    printed = capsys.readouterr()
+    assert "the log has no times in order: its scans count as 1 s apart" in printed.err
+    assert msgspec.json.decode(printed.out)["errors"]["absolute_m"]["max"] < 0.1
+    assert _call(app, ["laser", str(tmp_path / "true.log")]) == 0
+    assert "no wheel odometry" in capsys.readouterr().err
+
+
+def test_a_map_of_the_drive_is_written_as_map_server_reads_it(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "walk.yaml"
+    assert _call(app, ["laser", str(log), "--no-wheels", "--map", str(out), "--truth", str(log), "--json"]) == 0
+    printed = capsys.readouterr()
+    assert msgspec.json.decode(printed.out)["errors"]["absolute_m"]["max"] < 0.02
+    assert "key scans" in printed.err
+    about = msgspec.yaml.decode(out.read_bytes())
+    assert (about["mode"], about["negate"]) == ("trinary", 0)
+    picture = np.array(cv2.imread(str(out.with_name(about["image"])), cv2.IMREAD_UNCHANGED))
+    left_m, bottom_m, _ = about["origin"]
+
+    def grey(ahead_m: float, right_m: float) -> int:
+        """As map servers place it: the origin is the lower left corner, and north is up."""
+        column, up = (int((at - low) / about["resolution"]) for at, low in ((right_m, left_m), (ahead_m, bottom_m)))
+        return int(picture[picture.shape[0] - 1 - up, column])
+
+    assert grey(*POSES[10][:2]) == 254
+    assert grey(4.0, -1.5) == 254
+    side = [grey(ahead_m, -8.5 + 0.05 * step) for ahead_m in (5.975, 6.025) for step in range(-4, 5)]
+    assert side.count(0) > 3, "the near side of the box that begins 6 m ahead, to the left"
+    assert grey(6.5, -8.5) == 205, "its inside"
+    with pytest.raises(Refused, match="exists already"):
+        _call(app, ["laser", str(log), "--map", str(out)])
+    with pytest.raises(Refused, match=r"ends in \.yaml"):
+        _call(app, ["laser", str(log), "--map", str(tmp_path / "walk.png")])

@@ -71,10 +71,26 @@ def test_a_breezy_log_is_in_millimetres_and_ticks(tmp_path: Path) -> None:
     assert log.scans[1].wheels == pytest.approx(Planar(2.0 * pi * 0.077))
 
 
+def test_times_of_which_a_few_are_out_of_order_are_sorted(tmp_path: Path) -> None:
+    line = next(line for line in CARMEN.splitlines() if line.startswith("FLASER"))
+    head, _, tail = line.partition(" 10.0 host")
+    assert tail, line
+
+    def read_with(*stamps: float) -> LaserLog:
+        return read(tmp_path, "\n".join(f"{head} {stamp} host{tail}" for stamp in stamps) + "\n")
+
+    log = read_with(10.0, 10.2, 10.4, 10.7, 10.55, 10.8, 10.9, 11.1, 11.3, 11.5, 11.7)
+    assert log.has_times
+    assert log.jitter_s == pytest.approx(0.15)
+    assert log.times_s[:6] == pytest.approx([10.0, 10.2, 10.4, 10.55, 10.7, 10.8])
+    assert (np.diff(log.times_s) > 0.0).all()
+    assert not read_with(10.0, 10.2, 10.4, 11.7, 10.6, 10.8, 11.0, 11.2).has_times, "by more than a usual step"
+
+
 def test_times_that_do_not_grow_are_replaced_by_counting(tmp_path: Path) -> None:
     log = read(tmp_path, CARMEN.replace(" 11.0 host", " 10.0 host"))
     assert not log.has_times
-    assert log.times_s == [0.0, 0.1]
+    assert log.times_s == [0.0, 1.0]
 
 
 @pytest.mark.parametrize(

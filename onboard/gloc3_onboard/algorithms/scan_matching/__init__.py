@@ -1,6 +1,6 @@
 """Laser odometry: the motion of a range scanner from its scans alone.
 
-`laser_odometer` is the estimator; the rest are its steps.
+`laser_odometer` is the estimator, `scan_graph` the map of a whole drive; the rest are their steps.
 """
 
-__all__ = ["laser_odometer", "planar", "scan_placement", "scan_points"]
+__all__ = ["laser_odometer", "planar", "scan_graph", "scan_placement", "scan_points"]

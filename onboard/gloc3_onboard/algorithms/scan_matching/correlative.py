@@ -17,8 +17,10 @@ POINTS: Final = 90
 """So many points of the scan vote."""
 HEADING_RAD: Final = 0.045
 """Step of the headings."""
+PRIOR: Final = 0.1
+"""What a place at the edge of the window must gather more than one in its middle, as a share of all votes."""
 FARTHEST_M: Final = 15.0
-BEST: Final = 4
+BEST: Final = 6
 """So many candidates are handed back."""
 
 
@@ -61,6 +63,11 @@ def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) 
     for number, row_base in enumerate(base):
         scores[number] = flat[row_base[:, None] + offsets].sum(axis=0, dtype=np.int64)
     places_m = np.asarray(cell_m * shifts, np.float64)
+    # The farther from the guess, the better a place must be.
+    away = (places_m / window.distance_m) ** 2
+    turned = ((headings - guess.yaw_rad) / window.heading_rad) ** 2
+    cost = turned[:, None] + (away[:, None] + away).ravel()
+    scores -= (PRIOR * 255.0 * len(voters) * cost).astype(np.int64)
     return _peaks(scores.reshape(len(headings), len(shifts), len(shifts)), headings, places_m, guess)
 
 

@@ -4,10 +4,11 @@ Gauss-Newton on the distances across the walls (Censi, "An ICP variant using a p
 neighbours looked up again in each step and less weight on far points (Cauchy's weights).
 """
 
-from math import atan2, cos, hypot, sin
+from math import atan2, cos, hypot, pi, sin
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gloc3.messages.frames import wrap_pi
 from gloc3_onboard.algorithms.scan_matching.correlative import SearchWindow, candidates
@@ -116,6 +117,13 @@ def _turning_alone(
     return hh
 
 
+PRIOR: Final = 0.15
+"""What a place at the edge of the window must fit better than one in its middle, as a share of the points."""
+SIGHT_BINS: Final = 180
+"""Directions in which a scan is compared with the map, all around."""
+SIGHT_M: Final = 0.3
+SIGHT_SHARE: Final = 0.05
+"""A wall that is so much nearer than what the scan has hit there is seen through."""
 STEPS: Final = 20
 STILL_M: Final = 5e-4
 STILL_RAD: Final = 2e-4
@@ -128,7 +136,16 @@ FEW: Final = 120
 TRIAL_STEPS: Final = 3
 """Candidates of the coarse search are tried with fewer points and steps."""
 CLEAR: Final = 0.6
-"""After one that fits so well the others are not tried."""
+"""Where so much of a scan fits as expected, no other place is tried."""
+BETTER: Final = 0.1
+"""Margin in fitting share by which an unexpected place must be better; within it, places are about as good."""
+CERTAIN_M: Final = 0.5
+CERTAIN_RAD: Final = 0.5
+"""In larger windows others are always tried: in rooms that repeat themselves, the expected place fits too."""
+MOST_PLACES: Final = 3
+SAME_M: Final = 0.15
+SAME_RAD: Final = 0.1
+"""Places of one scan that are no farther apart are the same."""
 CLEARLY: Final = 0.08
 """Margin in fitting share that a search result needs along weakly constrained directions."""
 SPREAD: Final = 1.5
@@ -146,6 +163,15 @@ class ScanAlignment(NamedTuple):
     """Share of points on a wall."""
     residual_m: float
     """Robust standard deviation of the points on walls."""
+    contradicted: float = 0.0
+    """Share of the map's points in view through which the scan sees."""
+    surprise: float = 0.0
+    """How far it is from where it was expected, as a share of what is possible, squared."""
+
+    @property
+    def score(self) -> float:
+        """How well the place explains the scan, at most 1."""
+        return self.share * (1.0 - self.contradicted) ** 2 - PRIOR * self.surprise
 
     @property
     def is_doubtful(self) -> bool:
@@ -198,7 +224,9 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
     return found
 
 
-def search(points: Array, walls: LocalMap, guess: Planar, window: SearchWindow) -> ScanAlignment:
+def search(
+    points: Array, walls: LocalMap, guess: Planar, window: SearchWindow, clear: float = CLEAR
+) -> list[ScanAlignment]:
     """Aligns points to a map from a guess that may be far off.
 
     Args:
@@ -206,16 +234,91 @@ def search(points: Array, walls: LocalMap, guess: Planar, window: SearchWindow) 
         walls: the map.
         guess: where the scan was taken, about.
         window: how wrong that may be.
+        clear: where so much of the scan fits as expected, no other place is tried.
+
+    Returns:
+        The best place, and others that explain the scan about as well.
     """
     few = points[:: max(1, len(points) // FEW)]
-    # Coarse: short fits from the guess, then from the correlative candidates; fine: a full fit of the best.
-    best = align(few, walls, guess, COARSE_M, steps=TRIAL_STEPS)
-    for place in candidates(points, walls.feet_m, guess, window) if best.is_doubtful else ():
-        trial = align(few, walls, place, COARSE_M, steps=TRIAL_STEPS)
-        best = trial if trial.share > best.share + (CLEARLY if best.share > CLEAR else 0.0) else best
-        if not best.is_doubtful:
-            break
-    found = align(points, walls, best.pose, 2.0 * NEAR_M)
+    sight = ScanSight(points)
+
+    def judged(found: ScanAlignment) -> ScanAlignment:
+        off = guess.inverse() @ found.pose
+        surprise = (off.distance_m / window.distance_m) ** 2 + (off.yaw_rad / window.heading_rad) ** 2
+        return found._replace(contradicted=sight.contradicted(found.pose, walls), surprise=surprise)
+
+    # Coarse: short fits from the guess, then from the correlative candidates; fine: full fits of the best.
+    trials = [judged(align(few, walls, guess, COARSE_M, steps=TRIAL_STEPS))]
+    if (
+        trials[0].is_doubtful
+        or trials[0].share < clear
+        or window.distance_m > CERTAIN_M
+        or window.heading_rad > CERTAIN_RAD
+    ):
+        begins = candidates(points, walls.feet_m, guess, window)
+        trials += [judged(align(few, walls, begin, COARSE_M, steps=TRIAL_STEPS)) for begin in begins]
+    best = _best(trials)
+    close = [
+        trial
+        for trial in trials
+        if trial.score > best.score - 2.0 * BETTER and not is_same_place(trial.pose, best.pose)
+    ]
+    found = [judged(_refined(points, walls, trial.pose, guess)) for trial in (best, *close[: MOST_PLACES - 1])]
+    best = _best(found)
+    distinct = [best]
+    for place in found:
+        if place.score > best.score - BETTER and not any(is_same_place(place.pose, one.pose) for one in distinct):
+            distinct.append(place)
+    return distinct
+
+
+class ScanSight:
+    """How far a scan sees in each direction.
+
+    Args:
+        points_m: of the scan, shape (n, 2).
+    """
+
+    def __init__(self, points_m: Array) -> None:
+        nearest = np.full(SIGHT_BINS, np.inf)
+        np.minimum.at(nearest, _bins(points_m), np.hypot(*points_m.T))
+        farther = np.maximum(np.roll(nearest, 1), np.roll(nearest, -1))
+        self._nearest_m = np.minimum(nearest, np.minimum(np.roll(nearest, 1), np.roll(nearest, -1)))
+        """What is hit in a direction or the ones beside it; infinite where nothing is."""
+        self._nearest_m[np.isinf(nearest) | np.isinf(farther)] = 0.0
+
+    def contradicted(self, pose: Planar, walls: LocalMap) -> float:
+        """Share of the walls in view through which the scan would see from a pose."""
+        feet = pose.inverse().apply(walls.feet_m)
+        away_m = np.hypot(*feet.T)
+        seen_m = self._nearest_m[_bins(feet)]
+        slack_m = SIGHT_M + SIGHT_SHARE * away_m
+        through, hit = np.count_nonzero(seen_m > away_m + slack_m), np.count_nonzero(np.abs(seen_m - away_m) <= slack_m)
+        return float(through) / max(float(through + hit), 1.0)
+
+
+def _bins(points_m: Array) -> NDArray[np.intp]:
+    turns = np.arctan2(points_m[:, 1], points_m[:, 0]) * (SIGHT_BINS / (2.0 * pi))
+    bins: NDArray[np.intp] = np.floor(turns).astype(np.intp) % SIGHT_BINS
+    return bins
+
+
+def _best(places: list[ScanAlignment]) -> ScanAlignment:
+    """The best of some places; another than the first must be clearly better than one that fits well."""
+    best = places[0]
+    for place in places[1:]:
+        best = place if place.score > best.score + (CLEARLY if best.share > CLEAR else 0.0) else best
+    return best
+
+
+def is_same_place(one: Planar, other: Planar) -> bool:
+    """Whether two poses are one, for two fits of a scan."""
+    off = one.inverse() @ other
+    return off.distance_m < SAME_M and abs(off.yaw_rad) < SAME_RAD
+
+
+def _refined(points: Array, walls: LocalMap, place: Planar, guess: Planar) -> ScanAlignment:
+    found = align(points, walls, place, 2.0 * NEAR_M)
     if not found.information.is_degenerate:
         return found
     # Along what the walls do not tell, a search finds something at random, unless much more of the scan fits there.

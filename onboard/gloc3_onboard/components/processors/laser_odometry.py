@@ -42,12 +42,22 @@ class LaserOdometrySettings(Settings, frozen=True):
     """…or the turn, in degrees."""
     lowest_share: Annotated[float, Bounds(0.05, 1.0)] = 0.25
     """A scan of which less fits into the map is lost."""
+    acceleration_m_s2: Annotated[float, Bounds(0.1, 50.0)] = 3.0
+    """Largest acceleration of the vehicle, in m/s²: a match that needs more is refused."""
+    turn_acceleration_deg_s2: Annotated[float, Bounds(5.0, 5000.0)] = 340.0
+    """Largest turn acceleration of the vehicle, in degrees/s²."""
+    speed_m_s: Annotated[float, Bounds(0.1, 100.0)] = 20.0
+    """Largest speed of the vehicle, in m/s."""
+    turn_rate_deg_s: Annotated[float, Bounds(5.0, 3000.0)] = 340.0
+    """Largest turn rate of the vehicle, in degrees/s."""
+    stamp_jitter_s: Annotated[float, Bounds(0.0, 1.0)] = 0.02
+    """How wrong the time between two scans may be, in seconds."""
 
 
 class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
     """Reports for each scan the motion of the body since a key scan; invalid with a reason where it cannot."""
 
-    loggable = ("scans", "refused", "degenerate", "reason")
+    loggable = ("scans", "refused", "degenerate", "undecided", "reason")
 
     laser = Input(LaserScan, Keep.ALL)
     autopilot_pose = Input(AutopilotPose, Keep.ALL)
@@ -55,7 +65,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
     odometry = Output(Odometry)
 
     def __init__(self) -> None:
-        self.scans = self.refused = self.degenerate = 0
+        self.scans = self.refused = self.degenerate = self.undecided = 0
         self.reason = ""
 
     def initialize(self, settings: LaserOdometrySettings) -> None:
@@ -75,6 +85,11 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
             key_distance_m=given.key_distance_m,
             key_turn_rad=math.radians(given.key_turn_deg),
             lowest_share=given.lowest_share,
+            acceleration_m_s2=given.acceleration_m_s2,
+            turn_acceleration_rad_s2=math.radians(given.turn_acceleration_deg_s2),
+            speed_m_s=given.speed_m_s,
+            turn_rate_rad_s=math.radians(given.turn_rate_deg_s),
+            stamp_jitter_s=given.stamp_jitter_s,
         )
         self._odometer = LaserOdometer(settings, Mount(given.mount_frd_m, math.radians(given.mount_yaw_deg)))
         self._attitudes, self._heights = RecentAttitudes(ATTITUDE_GAP_S), RecentHeights(HEIGHT_GAP_S)
@@ -104,6 +119,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
         roll, pitch, yaw = to_euler(attitude)
         found = self._odometer.update(scan, t_s, Tilt(roll, pitch, self._height_m(t_s, roll, pitch)), yaw)
         self.degenerate += found.is_degenerate
+        self.undecided += found.alternatives > 0
         return odometry_of(found, roll, pitch)
 
     def _height_m(self, t_s: float, roll: float, pitch: float) -> float | None:

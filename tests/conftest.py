@@ -5,6 +5,7 @@ stations record into a folder of the tests' own; Ctrl-C works; see `stalls`, too
 
 import gc
 import itertools
+import os
 import re
 import signal
 import zlib
@@ -17,6 +18,8 @@ from tests.data_folders import OUTSIDE, REASON
 from tests.stalls import pytest_runtest_protocol, pytest_terminal_summary
 
 __all__ = ["pytest_runtest_protocol", "pytest_terminal_summary"]
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before numpy: its threads wait for each other in a busy loop
 
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("any machine", settings.get_profile("search"), derandomize=True)
@@ -57,12 +60,15 @@ def _is_interruptible() -> None:
 PERCEPTION = (
     "algorithms/vision/",
     "algorithms/scan_matching/",
+    "algorithms/calibration/",
     "algorithms/fusion/",
     "pose_fusion",
     "odometry",
     "stereo",
+    "onboard/calibrating/",
+    "controllers/test_navigator",
 )
-"""In the paths of tests that fly along walls to see how well they are seen."""
+"""In the paths of tests that fly along walls, or turn before boards, to see how well they are seen."""
 
 
 LONG = (

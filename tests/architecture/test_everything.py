@@ -72,3 +72,8 @@ def test_a_mark_that_the_text_does_not_show_is_refused(tmp_path: Path) -> None:
     done = collected("-p", "tests.conftest", "-m", "not sockets", str(hidden))
     assert done.returncode == pytest.ExitCode.USAGE_ERROR
     assert "test_hidden.py: write it there" in done.stderr
+
+
+def test_no_threads_of_algebra_wait_for_each_other_while_others_want_the_processor() -> None:
+    program = "import os, numpy; print(len(os.listdir('/proc/self/task')))"
+    assert subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout == "1\n"

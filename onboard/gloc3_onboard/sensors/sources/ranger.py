@@ -7,7 +7,7 @@ from typing import Final
 
 from gloc3.errors import Gloc3Error
 from gloc3.messages.vehicle import HeightAboveGround
-from gloc3_onboard.sensors.devices import StampedHeight, Unwatch
+from gloc3_onboard.sensors.devices import StampedHeight, Unwatch, opened
 from gloc3_onboard.sensors.line import Line, open_line
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
 from gloc3_onboard.sensors.source_url import BAUD as BAUD_OPTION
@@ -62,14 +62,7 @@ class Ranger(ThreadedSource[StampedHeight]):
         Raises:
             Gloc3Error: the device is not available; the message says what to do.
         """
-        self.open()
-        unwatch = self.on_new_data(ready)
-
-        def close() -> None:
-            self.close()
-            unwatch()
-
-        return close
+        return opened(self, ready)
 
     @contextmanager
     def connect(self) -> Iterator[Iterator[StampedHeight | None]]:

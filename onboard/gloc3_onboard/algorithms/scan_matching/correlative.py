@@ -17,7 +17,7 @@ POINTS: Final = 90
 """So many points of the scan vote."""
 HEADING_RAD: Final = 0.045
 """Step of the headings."""
-PRIOR: Final = 0.1
+PRIOR: Final = 0.15
 """What a place at the edge of the window must gather more than one in its middle, as a share of all votes."""
 FARTHEST_M: Final = 15.0
 BEST: Final = 6
@@ -31,7 +31,7 @@ class SearchWindow(NamedTuple):
     heading_rad: float
 
 
-def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) -> list[Planar]:
+def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow, prior: float = PRIOR) -> list[Planar]:
     """Likely poses of a scan in a map, the best first.
 
     Args:
@@ -39,6 +39,7 @@ def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) 
         feet: of the map; shape (m, 2).
         guess: where the scan was taken, about.
         window: how wrong the guess may be.
+        prior: what a place at the edge of the window must gather more than one in its middle.
     """
     cell_m = min(max(window.distance_m / 4.0, 0.08), 0.2)
     voters = _spread(points, cell_m)
@@ -67,7 +68,7 @@ def candidates(points: Array, feet: Array, guess: Planar, window: SearchWindow) 
     away = (places_m / window.distance_m) ** 2
     turned = ((headings - guess.yaw_rad) / window.heading_rad) ** 2
     cost = turned[:, None] + (away[:, None] + away).ravel()
-    scores -= (PRIOR * 255.0 * len(voters) * cost).astype(np.int64)
+    scores -= (prior * 255.0 * len(voters) * cost).astype(np.int64)
     return _peaks(scores.reshape(len(headings), len(shifts), len(shifts)), headings, places_m, guess)
 
 

@@ -4,7 +4,7 @@ from typing import Annotated, Final, NamedTuple
 
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.frames import wrap_pi
-from gloc3_onboard.algorithms.scan_matching.correlative import SearchWindow
+from gloc3_onboard.algorithms.scan_matching.correlative import PRIOR, SearchWindow
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 
 LONGEST_S: Final = 2.0
@@ -14,6 +14,8 @@ REPORTED_SHARE: Final = 0.15
 REPORTED_RAD: Final = 0.1
 REPORTED_TURN_SHARE: Final = 0.5
 """Largest error of a motion reported by others: absolute, and as a share of distance and turn."""
+REPORTED_PRIOR: Final = 0.05
+"""Wheels slip, and their window is small."""
 FIRST_M_S: Final = 1.0
 FIRST_RAD_S: Final = 0.5
 """The first motion of all is about so fast at most."""
@@ -49,6 +51,8 @@ class Expected(NamedTuple):
     """How wrong that may be."""
     limit: SearchWindow
     """How far away from it a match is still plausible."""
+    prior: float
+    """What a match at the edge of the window must fit better than one in its middle, as a share of the scan."""
 
     def allows(self, motion: Planar) -> bool:
         """Whether the body can have moved so."""
@@ -92,7 +96,8 @@ class MotionModel:
         half_square = 0.5 * duration_s * duration_s
         distance_m = settings.acceleration_m_s2 * half_square
         heading_rad = settings.turn_acceleration_rad_s2 * half_square
-        motion = Planar()
+        possible = SearchWindow(distance_m, heading_rad)
+        motion, prior = Planar(), PRIOR
         if velocity is not None:
             motion = velocity.part(min(duration_s, LONGEST_S))
         else:
@@ -101,7 +106,7 @@ class MotionModel:
         if (
             reported is not None and distance_m > REPORTED_M
         ):  # over a short time nobody knows better than the last motion
-            motion = reported
+            motion, prior = reported, REPORTED_PRIOR
             distance_m = REPORTED_M + REPORTED_SHARE * motion.distance_m
             heading_rad = REPORTED_RAD + REPORTED_TURN_SHARE * abs(motion.yaw_rad)
         if turn_rad is not None:
@@ -112,9 +117,12 @@ class MotionModel:
         if velocity is not None:
             distance_m += settings.stamp_jitter_s * velocity.distance_m
         window = SearchWindow(min(distance_m, settings.search_m), min(heading_rad, settings.search_rad))
-        span_s = duration_s + settings.stamp_jitter_s
+        # Wheels slip: where others report the motion, what is possible counts, and not only what they may have wrong.
+        if turn_rad is None:
+            heading_rad = max(heading_rad, possible.heading_rad)
+        distance_m, span_s = max(distance_m, possible.distance_m), duration_s + settings.stamp_jitter_s
         limit = SearchWindow(
             min(distance_m, settings.speed_m_s * span_s) + SLACK_M,
             min(heading_rad, settings.turn_rate_rad_s * span_s) + SLACK_RAD,
         )
-        return Expected(motion, window, limit)
+        return Expected(motion, window, limit, prior)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import wrap_pi
-from gloc3_onboard.algorithms.scan_matching.correlative import SearchWindow, candidates
+from gloc3_onboard.algorithms.scan_matching.correlative import PRIOR, SearchWindow, candidates
 from gloc3_onboard.algorithms.scan_matching.local_map import LocalMap
 from gloc3_onboard.algorithms.scan_matching.planar import Array, Planar
 
@@ -117,8 +117,6 @@ def _turning_alone(
     return hh
 
 
-PRIOR: Final = 0.15
-"""What a place at the edge of the window must fit better than one in its middle, as a share of the points."""
 SIGHT_BINS: Final = 180
 """Directions in which a scan is compared with the map, all around."""
 SIGHT_M: Final = 0.3
@@ -166,12 +164,12 @@ class ScanAlignment(NamedTuple):
     contradicted: float = 0.0
     """Share of the map's points in view through which the scan sees."""
     surprise: float = 0.0
-    """How far it is from where it was expected, as a share of what is possible, squared."""
+    """What counts against it because it is not where it was expected."""
 
     @property
     def score(self) -> float:
         """How well the place explains the scan, at most 1."""
-        return self.share * (1.0 - self.contradicted) ** 2 - PRIOR * self.surprise
+        return self.share * (1.0 - self.contradicted) ** 2 - self.surprise
 
     @property
     def is_doubtful(self) -> bool:
@@ -225,7 +223,12 @@ def align(points: Array, walls: LocalMap, guess: Planar, within_m: float, steps:
 
 
 def search(
-    points: Array, walls: LocalMap, guess: Planar, window: SearchWindow, clear: float = CLEAR
+    points: Array,
+    walls: LocalMap,
+    guess: Planar,
+    window: SearchWindow,
+    clear: float = CLEAR,
+    prior: float = PRIOR,
 ) -> list[ScanAlignment]:
     """Aligns points to a map from a guess that may be far off.
 
@@ -235,6 +238,7 @@ def search(
         guess: where the scan was taken, about.
         window: how wrong that may be.
         clear: where so much of the scan fits as expected, no other place is tried.
+        prior: what a place at the edge of the window must fit better than one in its middle, as a share of the points.
 
     Returns:
         The best place, and others that explain the scan about as well.
@@ -244,7 +248,8 @@ def search(
 
     def judged(found: ScanAlignment) -> ScanAlignment:
         off = guess.inverse() @ found.pose
-        surprise = (off.distance_m / window.distance_m) ** 2 + (off.yaw_rad / window.heading_rad) ** 2
+        away, turned = off.distance_m / window.distance_m, abs(off.yaw_rad) / window.heading_rad
+        surprise = prior * (min(away, 1.0) ** 2 + min(turned, 1.0) ** 2)
         return found._replace(contradicted=sight.contradicted(found.pose, walls), surprise=surprise)
 
     # Coarse: short fits from the guess, then from the correlative candidates; fine: full fits of the best.
@@ -255,7 +260,7 @@ def search(
         or window.distance_m > CERTAIN_M
         or window.heading_rad > CERTAIN_RAD
     ):
-        begins = candidates(points, walls.feet_m, guess, window)
+        begins = candidates(points, walls.feet_m, guess, window, prior)
         trials += [judged(align(few, walls, begin, COARSE_M, steps=TRIAL_STEPS)) for begin in begins]
     best = _best(trials)
     close = [

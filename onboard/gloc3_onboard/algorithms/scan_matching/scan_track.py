@@ -90,7 +90,7 @@ class ScanTrack:
         wide = window._replace(distance_m=max(window.distance_m, SURE_M), heading_rad=max(window.heading_rad, SURE_RAD))
         found = [
             place
-            for place in search(points, self.walls, guess, wide, good_share)
+            for place in search(points, self.walls, guess, wide, good_share, expected.prior)
             if expected.allows(self.pose.inverse() @ place.pose)
         ]
         if near is None or (found and found[0].score > near.share + BETTER):

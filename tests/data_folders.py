@@ -15,4 +15,6 @@ PLANS: Final = Path(os.environ.get("GLOC3_PLANS", OUTSIDE / "plans"))
 """Public plans of other programs, many more of them; by the environment, because they are of no use for tests."""
 RELATIONS: Final = Path(os.environ.get("GLOC3_RELATIONS", OUTSIDE / "lidar" / "relations"))
 """Public laser logs with published relations, for a page of evidence; by the environment, because they are too large."""
+CALIBRATIONS: Final = Path(os.environ.get("GLOC3_CALIBRATIONS", OUTSIDE / "calibration"))
+"""Public pictures of calibration boards, with published results; for the evidence only."""
 REASON: Final = "needs data from outside the repository, and ../shared/data is not here"

@@ -1,5 +1,6 @@
 """`gloc3 calibrate camera`: the lens of one camera, by pictures of a board."""
 
+import re
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -18,6 +19,7 @@ from gloc3_onboard.calibrating.outcome import CalibrationOutcome, OutcomeOptions
 from gloc3_onboard.calibrating.pictures import BoardsFound, find_boards, find_pictures
 from gloc3_onboard.calibration.rig_file import camera_section
 
+SECTION: Final = re.compile(r"cam\d{1,2}")
 MOST_RMS_PX: Final = 1.0
 MOST_FOCAL_STD: Final = 0.01
 """As a share of the focal length."""
@@ -54,13 +56,15 @@ def camera(
             (V1_01_easy#cam0), or a live source (v4l2:///dev/video0).
         board: checkerboard:9x6:0.025 (inner corners, side in metres), aprilgrid:6x6:0.088:0.3 (tags, side in metres, gap as
             share of the side), or a YAML file as for Kalibr.
-        name: The camera's section in the rig file.
+        name: The camera's section in the rig file: cam0, cam1 and so on.
         lens: radtan for most lenses, equidistant for fisheyes, pinhole for pictures without distortion.
         k3: Have a third radial coefficient; Kalibr has none.
         options: Where to write the result.
     """
     options = options or OutcomeOptions()
     options.check()
+    if not SECTION.fullmatch(name):
+        raise Refused(f"--name {name!r} must be cam0, cam1 and so on: the camera's number in the chain")
     target = read_board(board)
     found = _find(pictures, target)
     fit = fit_lens(found.seen, found.size, lens, has_k3=k3)

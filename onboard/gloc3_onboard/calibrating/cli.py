@@ -3,6 +3,8 @@
 from cyclopts import App
 
 from gloc3_onboard.calibrating.camera import camera
+from gloc3_onboard.calibrating.camera_imu import camera_imu
+from gloc3_onboard.calibrating.laser_imu import laser_imu
 from gloc3_onboard.calibrating.magnetometer import magnetometer
 from gloc3_onboard.calibrating.stereo import stereo
 
@@ -18,6 +20,8 @@ app = App(
     For example, with a board of AprilTags as for Kalibr:
 
     - `gloc3 calibrate stereo v4l2:///dev/video2 v4l2:///dev/video4 --board aprilgrid.yaml --report stereo.svg`
+    - `gloc3 calibrate camera-imu runs/shaken/log.mcap#camera/front_left --board aprilgrid.yaml`
+    - `gloc3 calibrate laser-imu runs/turned/log.mcap --rig laser.yaml`
     - `gloc3 calibrate magnetometer serial:///dev/ttyACM0:115200 --rig magnetometer.yaml`""",
     help_format="markdown",
     version_flags=[],
@@ -25,4 +29,6 @@ app = App(
 
 app.command(camera)
 app.command(stereo)
+app.command(camera_imu)
+app.command(laser_imu)
 app.command(magnetometer)

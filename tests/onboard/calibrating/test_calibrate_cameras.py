@@ -165,6 +165,7 @@ def test_pairs_whose_boards_are_elsewhere_are_not_trusted(tmp_path: Path, capsys
         (("camera", ".", "--board", BOARD, "--report", "report.pdf"), "the report is an SVG"),
         (("camera", ".", "--board", BOARD, "--rig", "nowhere/rig.yaml"), "there is no folder nowhere"),
         (("camera", "log.mcap#camera/front", "--board", BOARD), "log.mcap: cannot be read"),
+        (("camera", ".", "--board", BOARD, "--name", "front"), "--name 'front' must be cam0, cam1 and so on"),
         (("stereo", ".", "v4l2:///dev/video0", "--board", BOARD), "both cameras must be live, or neither"),
         (("stereo", ".", ".", "--board", BOARD, "--within", "0"), "--within must be above 0"),
     ],

@@ -3,4 +3,12 @@
 Plain classes and functions. `boards` finds the targets; each of the others makes one kind of calibration, with its doubt.
 """
 
-__all__ = ["boards", "coverage", "ellipsoid", "lens_fit", "stereo_fit"]
+__all__ = [
+    "boards",
+    "camera_imu_fit",
+    "coverage",
+    "ellipsoid",
+    "laser_imu_fit",
+    "lens_fit",
+    "stereo_fit",
+]

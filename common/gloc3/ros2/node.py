@@ -99,18 +99,23 @@ class RosClient:
         entity = self._entity
         assert entity.endpoint is not None
         self._await_server(within_s)
-        head = MessageHead(next(self._sequence), _utc_ns(), entity.gid)
-        replies = self._session.get(
-            entity.endpoint.key(entity.domain),
-            payload=encoder(f"{self._kind}_Request")(request),
-            attachment=head.encode(),
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=within_s,
-        )
-        for reply in replies:
-            if reply.ok is not None:
-                return decoder(f"{self._kind}_Response")(reply.ok.payload.to_bytes())
+        head, begin_ns, pause = MessageHead(next(self._sequence), _utc_ns(), entity.gid), _utc_ns(), Event()
+        payload, was_received = encoder(f"{self._kind}_Request")(request), False
+        # Its token may be here before its queryable: what ends at once without a reply has reached nobody.
+        while not was_received and (left_s := within_s - (_utc_ns() - begin_ns) * 1e-9) > 0.0:
+            replies = self._session.get(
+                entity.endpoint.key(entity.domain),
+                payload=payload,
+                attachment=head.encode(),
+                target=zenoh.QueryTarget.ALL_COMPLETE,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                timeout=left_s,
+            )
+            for reply in replies:
+                if reply.ok is not None:
+                    return decoder(f"{self._kind}_Response")(reply.ok.payload.to_bytes())
+                was_received = True
+            pause.wait(SERVED_S)
         raise Refused(f"service {entity.endpoint.name} does not answer within {within_s:g} s")
 
     def _await_server(self, within_s: float) -> None:

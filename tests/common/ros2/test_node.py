@@ -1,14 +1,15 @@
 """A node of ours among nodes of another library on real Zenoh sessions."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import pytest
 from tests.ros_peer import TRIGGER, Peer, peer, router, until
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.ros2.node import REASONS_KEPT, Received, RosNetwork, RosNode, open_node
+from gloc3.ros2.node import REASONS_KEPT, Received, RosClient, RosNetwork, RosNode, open_node
 from gloc3.ros2.wire import LATCHED, STATE, Entity, EntityKind, Qos
 
 pytestmark = pytest.mark.sockets
@@ -66,6 +67,25 @@ def test_services_are_called_in_both_directions(node: RosNode, other: Peer) -> N
     client = node.client("/test/theirs", "std_srvs/Trigger")
     response = client.call({})
     assert (response.success, response.message) == (False, "theirs")
+
+
+def test_a_request_that_reached_nobody_is_sent_again_until_the_server_is_there(
+    node: RosNode, endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a server's token arrives before its queryable."""
+    monkeypatch.setattr(RosClient, "_await_server", lambda *_: None)
+    with open_node(RosNetwork(router=endpoint), "/test/late") as late:
+        requests = list[Any]()
+
+        def answer(request: Any, respond: Callable[[Any], None]) -> None:
+            requests.append(request)
+            respond({"success": True, "message": "late"})
+
+        timer = Timer(0.5, lambda: late.serve("/test/late", "std_srvs/Trigger", answer))
+        timer.start()
+        assert node.client("/test/late", "std_srvs/Trigger").call({}).message == "late"
+        timer.join()
+        assert len(requests) == 1
 
 
 def test_a_service_that_nobody_serves_is_refused_in_time(node: RosNode) -> None:

@@ -14,6 +14,7 @@ from tests.house import events, file_formats, mavlink, state_tables
 from tests.house.table import plain, table
 
 import gloc3.messages as messages_package
+from gloc3.cli.program import prepared
 from gloc3.component.description import FieldLine, describe, fields_of, find_class, installed
 from gloc3.installed import installed_points
 from gloc3.messages.envelope import Message
@@ -77,7 +78,7 @@ def commands() -> Iterator[str]:
     for point in sorted(installed_points("gloc3.commands"), key=lambda point: point.name):
         if not point.value.startswith(OWN):
             continue
-        text = point.load().generate_docs(heading_level=2, usage_name="gloc3")
+        text = prepared(point.load()).generate_docs(heading_level=2, usage_name="gloc3")
         text = re.sub(r"^#+ Table of Contents\n(\n|\s+- .*\n)*", "", text, flags=re.MULTILINE)
         text = re.sub(r"\[(`[^`]+`)\]\(#[\w-]+\)", r"\1", text)
         yield "\n".join(_command_lines(text, point.name)).rstrip() + "\n"

@@ -128,13 +128,21 @@ def _run(arguments: list[str]) -> int:
     return _call(commands[name].load(), rest)
 
 
-def _call(app: Any, arguments: list[str]) -> int:
-    """Calls a subcommand's application, with GLOC3's own help pages and usage errors."""
-    from cyclopts import CycloptsError, Parameter
+def prepared(app: Any) -> Any:
+    """A subcommand's application with GLOC3's own help pages, and flags without a negative form."""
+    from cyclopts import Parameter
 
     app.help_formatter = HelpPage()
     app.default_parameter = Parameter(negative=())
     app.suppress_keyboard_interrupt = False
+    return app
+
+
+def _call(app: Any, arguments: list[str]) -> int:
+    """Calls a subcommand's application, with GLOC3's usage errors."""
+    from cyclopts import CycloptsError
+
+    prepared(app)
     if not arguments and app.default_command is None:
         from rich.console import Console
 

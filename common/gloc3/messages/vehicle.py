@@ -6,7 +6,7 @@ the envelope.
 """
 
 from enum import StrEnum
-from math import pi
+from math import inf, pi
 from typing import Final
 
 import msgspec
@@ -187,6 +187,11 @@ class ObstacleScan(Message, frozen=True):
     range_max_m: float = 0.0
     closest_ne_m: list[tuple[float, float]] = []
     """Nearest points of separate objects, the nearest first."""
+
+    @property
+    def closest_m(self) -> float:
+        """Distance of the nearest hit; infinite without one that was measured."""
+        return min((distance_m for distance_m in self.sectors_m if distance_m >= 0.0), default=inf)
 
 
 class Image(Message, frozen=True):

@@ -59,7 +59,7 @@ class CloudObstacleProcessor(DataProcessor[CloudObstacleSettings]):
             found = self._place(envelope, inbox.latest(self.pose), inbox.latest(self.height))
             self.reason = found.reason
             self.refused += not found.is_valid
-            self.closest_m = min((distance_m for distance_m in found.sectors_m if distance_m >= 0.0), default=math.inf)
+            self.closest_m = found.closest_m
             results.append(self.obstacles.report(found, t_s=envelope.t_s))
         return results
 

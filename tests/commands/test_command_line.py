@@ -122,7 +122,7 @@ def test_every_command_of_a_command_tells_what_each_of_its_arguments_is(
 ) -> None:
     run([command, "--help"])
     listed = capsys.readouterr().out.partition("Commands:\n")[2].partition("\n\n")[0]
-    for name in re.findall(r"^  (\w+)", listed, re.MULTILINE):
+    for name in re.findall(r"^  ([\w-]+)", listed, re.MULTILINE):
         assert run([command, name, "--help"]) == 0
         page = capsys.readouterr().out
         assert page.startswith(f"Usage: gloc3 {command} {name}")

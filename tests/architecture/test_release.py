@@ -17,7 +17,7 @@ from referencing import Registry
 from referencing.jsonschema import DRAFT7
 from tests.fresh_root import run_in_fresh_root, why_not
 from tests.house.notice import UNLOCKED
-from tests.release.build import CHECKSUMS, DOCKERFILE, NAMESPACE, NOTES, REQUIREMENTS, checksums, release, sign
+from tests.release.build import DOCKERFILE, NOTES, REQUIREMENTS, checksums, release, sign
 from tests.release.closure import VEHICLE, closure, locked
 from tests.release.debian import TARGETS, lay, pack
 from tests.release.notes import CHANGES, PLACES, obstacles
@@ -26,6 +26,7 @@ from tests.release.sbom import PROJECT, bill
 from gloc3.messages.vehicle import Style
 from gloc3_onboard.checks.tables import table_of
 from gloc3_onboard.cli.onboard import app
+from gloc3_onboard.service.release_files import CHECKSUMS, NAMESPACE
 
 pytestmark = pytest.mark.thorough
 

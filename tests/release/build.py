@@ -15,11 +15,10 @@ from tests.release.debian import TARGETS, Target, install_for, lay, pack
 from tests.release.notes import is_tagged, notes, obstacles
 from tests.release.sbom import PROJECT, bill
 
+from gloc3_onboard.service.release_files import CHECKSUMS, NAMESPACE
+
 REQUIREMENTS: Final = "requirements-vehicle.txt"
-CHECKSUMS: Final = "SHA256SUMS"
 NOTES: Final = "RELEASE-NOTES.md"
-NAMESPACE: Final = "gloc3-release"
-"""Of the signature (ssh-keygen(1), `-Y sign`)."""
 DOCKERFILE: Final = Path(__file__).parent / "Dockerfile"
 
 Report = Callable[[str], None]

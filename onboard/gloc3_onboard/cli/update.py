@@ -33,6 +33,8 @@ app = App(
     - `gloc3 update 0.2.0`: a version that is installed, or else is on the package index
     - `gloc3 update --back`: the version before
 
+    A file is compared with SHA256SUMS beside it; if there are keys in /opt/gloc3/allowed_signers, one must have signed that.
+
     A service whose vehicle is armed, or does not say whether it is, is not restarted, and nothing changes. Keep the
     vehicle on the ground until the command ends. docs/install.md explains the folders. Exit codes: 0 the version is in
     use; 1 it did not work, and the version before is in use again; 2 refused, nothing has changed; 130 interrupted, and

@@ -15,7 +15,8 @@ from gloc3.component.host import ComponentHost
 from gloc3.component.hosted import HUNG
 from gloc3.component.lci import State
 from gloc3.errors import Gloc3Error, InputError, Misuse, Refused
-from gloc3.messages.envelope import Severity
+from gloc3.messages.envelope import Envelope, Severity
+from gloc3.messages.summaries import VehicleSummary
 from gloc3.network.file import Membership
 from gloc3.network.spreading import PASSED_ON_S, RevocationSpreader
 from gloc3.platform.places import ProcessPlace, clock_host
@@ -28,12 +29,16 @@ from gloc3_onboard.hosts.offset import OffsetEstimate
 from gloc3_onboard.hosts.pipe import ChildSetup
 from gloc3_onboard.hosts.shared import SharedExchange, renew, reread
 from gloc3_onboard.process.event_narration import EventNarration
+from gloc3_onboard.process.runner import HostMember
 from gloc3_onboard.service.manager import ServiceManager
+from gloc3_onboard.service.status import ServiceStatus
 
 REMIND_S: Final = 10.0
 """Period of the reminder that the clock host is missing, s."""
 POLL_S: Final = 0.1
 ALIVE_S: Final = 1.0
+VEHICLE_S: Final = 3.0
+"""Age at which news of the vehicle are stale, s; they come twice a second."""
 
 Open = Callable[[], AbstractContextManager[SharedExchange]]
 
@@ -157,6 +162,9 @@ class HostProcess:
             random = self._node.context.random
             warn = partial(report, Severity.WARNING)
             self._spreader = RevocationSpreader(shared.exchange, loop, random, shared.member, self._adopt_list, warn)
+        self._vehicle: VehicleSummary | None = None
+        self._vehicle_s = 0.0
+        self._unsubscribe = shared.exchange.subscribe(f"{platform.platform}/ci/vehicle", self._receive_vehicle)
 
     async def run(self, stopped: asyncio.Event) -> None:
         """Runs the components until the process is stopped or the clock host's time jumps."""
@@ -180,6 +188,7 @@ class HostProcess:
             self._agent.give_up_beginning()
             await onboard.stop(lambda text: self._report(Severity.WARNING, text))
             await self._agent.end()
+            self._unsubscribe()
             self._clock.close()
             if self._spreader is not None:
                 self._spreader.close()
@@ -222,8 +231,11 @@ class HostProcess:
             if not is_ready and not onboard.is_beginning and not self._agent.is_beginning:
                 is_ready = True
                 self._manager.ready()
-            hung = [host.row.name for host in onboard.hosts.values() if _hangs(host)]
-            self._manager.status(f"{', '.join(hung)} hangs" if hung else f"{len(onboard.hosts)} components")
+            hung = {host.row.name: host.errors.last_cause for host in onboard.hosts.values() if _hangs(host)}
+            members: list[HostMember] = [*onboard.hosts.values(), *self._agent.placeholders]
+            states = [(member.state, member.row.required) for member in members]
+            place = f"{self._platform.platform}-{self._host}"
+            self._manager.status(ServiceStatus.of_host(place, states, hung, self._vehicle_now()).text())
             if not hung:
                 self._manager.alive()
 
@@ -234,6 +246,13 @@ class HostProcess:
             return
         self._loop.steer(known.offset_s)
         self._agent.pass_time_on(known.offset_s)
+
+    def _receive_vehicle(self, envelope: Envelope[VehicleSummary]) -> None:
+        self._vehicle, self._vehicle_s = envelope.payload, self._loop.time()
+
+    def _vehicle_now(self) -> VehicleSummary | None:
+        """What the command server reports of the vehicle; None once that is stale."""
+        return self._vehicle if self._loop.time() - self._vehicle_s <= VEHICLE_S else None
 
     def _clock_state(self) -> ClockState:
         known = self._clock.estimate()

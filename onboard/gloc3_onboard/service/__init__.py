@@ -3,4 +3,4 @@
 `service` is the life of the process under systemd, `install` writes the unit, `update` changes the version that it runs.
 """
 
-__all__ = ["commands", "environments", "manager", "service", "update"]
+__all__ = ["commands", "environments", "manager", "service", "status", "update"]

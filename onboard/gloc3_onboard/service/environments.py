@@ -7,12 +7,13 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.store import replace_link
+from gloc3_onboard.service.release_files import SIGNERS, verify
 
 HOME: Final = Path("/opt/gloc3")
 CURRENT: Final = "current"
@@ -21,6 +22,8 @@ EXTRAS: Final = ("gpio", "groundstation", "laser")
 """Extras that a new environment gets, as the Debian package has them."""
 _UNFINISHED: Final = ".unfinished"
 _VERSION: Final = re.compile(r"\d+(\.\d+)*((a|b|rc)\d+)?(\.post\d+)?(\.dev\d+)?(\+[a-z0-9.]+)?")
+_PARTIAL: Final = ("half-installed", "unpacked", "half-configured")
+"""States of a package whose installation has ended half-way."""
 _LINES: Final = 6
 """Last lines of a failed command that a refusal quotes."""
 
@@ -38,6 +41,8 @@ class Environments:
     def __init__(self, home: Path, report: Report) -> None:
         self.home: Final = home
         self._report = report
+        keys = home / SIGNERS
+        self._signers = keys if keys.exists() else None
 
     @property
     def versions(self) -> list[str]:
@@ -87,7 +92,7 @@ class Environments:
             extras: of GLOC3; a Debian package has its own.
 
         Raises:
-            Refused: it cannot be installed; nothing of it stays.
+            Refused: it is not what was released, or cannot be installed; nothing of it stays.
         """
         file = Path(what)
         if file.suffix not in (".whl", ".deb") and not _VERSION.fullmatch(what):
@@ -97,9 +102,15 @@ class Environments:
         if file.suffix == ".deb":
             return self._install_package(file)
         version = file.name.split("-")[1] if file.suffix == ".whl" else what
-        if version in self.versions:
-            self._report(f"gloc3 {version} is installed in {self.home / version}")
+        if self._is_installed(version):
             return version
+        if file.suffix == ".whl":
+            self._report(verify(file, self._signers))
+        elif self._signers is not None:
+            raise Refused(
+                f"gloc3 {version} of the package index has no signature that {self._signers} could verify: "
+                "give the wheel or the Debian package of the release"
+            )
         self._install_wheel(f"{file.absolute()}" if file.suffix == ".whl" else version, version, wheels, extras)
         return version
 
@@ -126,15 +137,36 @@ class Environments:
         link = self.home / name
         return link.readlink().name if link.is_symlink() else ""
 
+    def _is_installed(self, version: str) -> bool:
+        if version not in self.versions:
+            return False
+        self._report(f"gloc3 {version} is installed in {self.home / version}")
+        return True
+
     def _install_package(self, file: Path) -> str:
+        self._report(verify(file, self._signers))
         name = self._run(["dpkg-deb", "--field", str(file), "Package"]).strip()
         if not name.startswith("gloc3-"):
             raise Refused(f"{file} is the package {name!r}, not one of GLOC3")
         version = name.removeprefix("gloc3-")
-        self._run(["dpkg", "--install", str(file)])
+        if self._package_state(name) not in _PARTIAL and self._is_installed(version):
+            return version
+        try:
+            self._run(["dpkg", "--install", str(file)])
+        except BaseException:
+            # dpkg unpacks a package before it finds that another one is missing
+            with suppress(Refused):
+                self._run(["dpkg", "--purge", name])
+            raise
         if version not in self.versions:
             raise Refused(f"{file} has installed nothing in {self.home / version}; --home must be {HOME}")
         return version
+
+    def _package_state(self, name: str) -> str:
+        """State of a package, as dpkg-query(1) names it; empty for one that dpkg does not know."""
+        with suppress(Refused):
+            return self._run(["dpkg-query", "--show", "--showformat=${db:Status-Status}", name])
+        return ""
 
     def _install_wheel(self, source: str, version: str, wheels: Path | None, extras: Sequence[str]) -> None:
         place = self.home / version

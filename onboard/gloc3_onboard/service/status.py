@@ -1,11 +1,13 @@
 """Status line of the service, as `systemctl status` shows it and as `gloc3 update` reads it again."""
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 import msgspec
 
-from gloc3.messages.summaries import WELL, Health, MissionSummary, Summary, VehicleSummary
+from gloc3.component.lci import State
+from gloc3.messages.summaries import WELL, Health, MissionSummary, Summary, VehicleSummary, health_of
 
 DISARMED: Final = "disarmed"
 NO_AUTOPILOT: Final = "no autopilot is connected"
@@ -16,6 +18,7 @@ class ServiceStatus(msgspec.Struct, frozen=True, kw_only=True):
     """State of an onboard process in one line."""
 
     platform: str
+    """The platform; PLATFORM-HOST for a host of several that has no command server."""
     health: str
     """The worst of the required components."""
     well: int
@@ -34,7 +37,41 @@ class ServiceStatus(msgspec.Struct, frozen=True, kw_only=True):
         mission: MissionSummary | None,
     ) -> "ServiceStatus":
         """The status that the summaries give; `hung` has the cause of each component that hangs."""
-        healths = [list(Health)[line.state] for line in summary.lines]
+        return cls._of(
+            platform, str(summary.health), [list(Health)[line.state] for line in summary.lines], hung, vehicle, mission
+        )
+
+    @classmethod
+    def of_host(
+        cls,
+        place: str,
+        states: Sequence[tuple[State | None, bool]],
+        hung: dict[str, str],
+        vehicle: VehicleSummary | None,
+    ) -> "ServiceStatus":
+        """The status of a host that has no command server.
+
+        Args:
+            place: PLATFORM-HOST.
+            states: of its components; each with whether it is required.
+            hung: the cause of each component that hangs.
+            vehicle: the latest news of the vehicle; None for none.
+        """
+        healths = [health_of(state) for state, _ in states]
+        required = [health_of(state) for state, is_required in states if is_required]
+        worst = max(required, key=list(Health).index, default=Health.WORKING)
+        return cls._of(place, str(worst), healths, hung, vehicle, None)
+
+    @classmethod
+    def _of(
+        cls,
+        place: str,
+        health: str,
+        healths: Sequence[Health],
+        hung: dict[str, str],
+        vehicle: VehicleSummary | None,
+        mission: MissionSummary | None,
+    ) -> "ServiceStatus":
         details = [f"{name} {cause}" for name, cause in hung.items()]
         if vehicle is not None:
             details.append(_vehicle(vehicle))
@@ -43,8 +80,8 @@ class ServiceStatus(msgspec.Struct, frozen=True, kw_only=True):
                 f"mission {mission.name!r} {mission.state}" + (f", {mission.policy}" if mission.policy else "")
             )
         return cls(
-            platform=platform,
-            health=str(summary.health),
+            platform=place,
+            health=health,
             well=sum(health in WELL for health in healths),
             total=len(healths),
             details=tuple(details),

@@ -11,9 +11,11 @@ from typing import Any
 
 import pytest
 from tests.commands.programs import Program, program
+from tests.onboard.fake_manager import service
 
 from gloc3.log.reader import LogReader
 from gloc3.platform.reader import whole_text
+from gloc3_onboard.service.status import ServiceStatus
 from gloc3_sitl.demo.demo import free_ports
 
 pytestmark = [pytest.mark.sockets, pytest.mark.thorough]
@@ -93,6 +95,25 @@ def test_a_host_with_another_clock_keeps_the_platform_s_time_is_lost_and_is_take
     assert all(min(here) - 1.0 < one.t_s < max(here) + 1.0 for one in reported), "its stamps are in the platform's time"
     assert states(entries, "limiter_standby")[:5] == ["idle", "standby", "working", "quiet", "working"]
     assert states(entries, "limiter")[-3:] == ["working", "quiet", "None"], "it came back, and then left in order"
+
+
+def test_a_second_host_reports_its_components_and_the_vehicle_so_that_an_update_can_check_it(tmp_path: Path) -> None:
+    platform(tmp_path)
+    network(tmp_path)
+    links = ("--autopilot", "udpin://127.0.0.1:0", "--station", "udpout://127.0.0.1:9")
+    line = "STATUS=pelican-vision is working: 1 of 1 components work; no autopilot is connected"
+    with (
+        program(*onboard(tmp_path, "vehicle", *links), folder=tmp_path) as vehicle,
+        service(*onboard(tmp_path, "vision"), folder=tmp_path, watchdog_s=30.0) as vision,
+    ):
+        vision.await_line(0, "READY=1")
+        vision.await_line(0, line)
+        vehicle.interrupt(signal.SIGKILL)
+        vehicle.end()
+        vision.until(lambda: "autopilot" not in vision.lines(0)[-1], "old news of the vehicle are dropped")
+    status = ServiceStatus.parse(line.removeprefix("STATUS="))
+    assert status is not None
+    assert (status.failing, status.is_disarmed) == (0, None), "it may be armed: only --force restarts it"
 
 
 def await_logged(folder: Path, component: str, state: str, vehicle: Program) -> None:

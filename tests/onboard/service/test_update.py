@@ -1,6 +1,7 @@
 """`gloc3 update`: versions side by side, checked and switched at one go, and back when a service does not come up."""
 
 import asyncio
+import subprocess
 import sys
 from pathlib import Path
 from zipfile import ZipFile
@@ -8,12 +9,16 @@ from zipfile import ZipFile
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.fresh_root import run_in_fresh_root, why_not
+from tests.release import debian
+from tests.release.build import checksums, sign
 
 from gloc3.cli.program import run
 from gloc3.clock import passed, run_virtual
 from gloc3.errors import Refused
 from gloc3_onboard.service.environments import Environments
 from gloc3_onboard.service.install import _program
+from gloc3_onboard.service.release_files import CHECKSUMS, IDENTITY, SIGNERS, verify
 from gloc3_onboard.service.status import ServiceStatus
 from gloc3_onboard.service.unit import SystemdUnit, command_of, user_of
 from gloc3_onboard.service.update import UnitState, Update, dry_run
@@ -213,6 +218,127 @@ def test_a_wheel_becomes_an_environment_and_a_broken_one_leaves_nothing(tmp_path
     (computer.home / "5.0" / "pyvenv.cfg").touch()
     (computer.home / "5.0" / ".unfinished").touch()
     assert "5.0" not in computer.environments.versions, "a power cut left it"
+
+
+def signed(folder: Path) -> Path:
+    """Signs checksums of what is in a folder, as a release is; returns the file of allowed signers."""
+    key = folder / "key"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
+    (folder / CHECKSUMS).write_text(checksums(folder.glob("gloc3-*")))
+    sign(folder / CHECKSUMS, key)
+    signers = folder / "allowed_signers"
+    signers.write_text(f"{IDENTITY} {key.with_suffix('.pub').read_text()}")
+    return signers
+
+
+def test_a_signed_file_is_verified_and_another_is_refused(tmp_path: Path) -> None:
+    wheel = small_wheel(tmp_path, "3.0")
+    assert verify(wheel, None) == f"{wheel.name} is not verified: there is no {CHECKSUMS} beside it"
+    with pytest.raises(Refused, match=rf"{CHECKSUMS}: No such file or directory"):
+        verify(wheel, tmp_path / "allowed_signers")
+    signers = signed(tmp_path)
+    assert "signed by release@gloc3" in verify(wheel, signers)
+    assert "signature is not verified" in verify(wheel, None)
+    other = small_wheel(tmp_path, "4.0")
+    with pytest.raises(Refused, match=f"has no line for {other.name}"):
+        verify(other, signers)
+    whole = wheel.read_bytes()
+    wheel.write_bytes(whole[:-1])
+    for keys in (signers, None):
+        with pytest.raises(Refused, match="is not the released file"):
+            verify(wheel, keys)
+    (tmp_path / CHECKSUMS).write_text(checksums([wheel, other]))
+    assert verify(other, None)
+    with pytest.raises(Refused, match=r"SHA256SUMS\.sig does not hold"):
+        verify(other, signers)
+
+
+def test_a_stranger_s_signature_is_refused(tmp_path: Path) -> None:
+    for name in ("ours", "theirs"):
+        (tmp_path / name).mkdir()
+        small_wheel(tmp_path / name, "3.0")
+    signers, others = signed(tmp_path / "ours"), signed(tmp_path / "theirs")
+    wheel = tmp_path / "ours/gloc3-3.0-py3-none-any.whl"
+    assert verify(wheel, signers)
+    with pytest.raises(Refused, match="does not hold"):
+        verify(wheel, others)
+    (wheel.parent / f"{CHECKSUMS}.sig").unlink()
+    with pytest.raises(Refused, match=r"SHA256SUMS\.sig: No such file"):
+        verify(wheel, signers)
+
+
+def test_the_command_installs_nothing_that_is_not_signed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    home, wheel = Computer(tmp_path).home, small_wheel(tmp_path, "3.0")
+    options = ["--home", str(home)]
+    signed(tmp_path).rename(home / SIGNERS)
+    wheel.write_bytes(b"another")
+    assert run(["update", str(wheel), *options]) == 2
+    assert "is not the released file" in capsys.readouterr().err
+    assert run(["update", "3.0", *options]) == 2
+    assert "has no signature" in capsys.readouterr().err
+    assert not (home / "3.0").exists()
+
+
+def small_package(folder: Path, version: str, needs: str = "") -> Path:
+    """A Debian package of that version, with the scripts of a release and a program that prints its version."""
+    target = next(each for each in debian.TARGETS if (each.python, each.architecture) == ("3.11", "amd64"))
+    site, tree = folder / f"site-{version}", folder / f"tree-{version}"
+    (site / "gloc3" / "cli").mkdir(parents=True)
+    (site / "gloc3" / "__init__.py").touch()
+    (site / "gloc3" / "cli" / "start.py").write_text(f"def main():\n    print('gloc3 {version}')\n")
+    debian.lay(target, version, site, tree)
+    if needs:
+        target = target._replace(python=needs)
+    return debian.pack(target, version, tree, folder)
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(bool(why_not()), reason=why_not() or "-")
+def test_a_debian_package_is_verified_installed_beside_the_other_and_one_that_cannot_be_leaves_nothing(
+    tmp_path: Path,
+) -> None:
+    for version in ("1.0", "2.0"):
+        small_package(tmp_path, version)
+    small_package(tmp_path, "3.0", needs="9.9")
+    signed(tmp_path)
+    script = f"""
+    update() {{ code=0; {sys.executable} -m gloc3 update "$@" 2>&1 || code=$?; echo "code: $code"; }}
+    versions() {{ echo "versions: $(readlink /opt/gloc3/current) of $(cd /opt/gloc3; ls -d [0-9]* | xargs)"; }}
+    mkdir -p /opt/gloc3 && cp allowed_signers /opt/gloc3/
+    dpkg --install gloc3-1.0_*.deb
+    update ./gloc3-2.0_*.deb; gloc3 --version; versions
+    update ./gloc3-3.0_*.deb; versions; dpkg-query --show gloc3-3.0 2>&1 || true
+    update --back; gloc3 --version
+    dpkg --purge gloc3-2.0; dpkg --unpack gloc3-2.0_*.deb
+    update ./gloc3-2.0_*.deb; dpkg-query --show --showformat '${{db:Status-Status}} again' gloc3-2.0; echo
+    update 1.0; dpkg --purge gloc3-2.0; echo 1 >> $(ls gloc3-2.0_*.deb)
+    update ./gloc3-2.0_*.deb; versions
+    """
+    done = run_in_fresh_root(script, tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert [line for line in lines if line.startswith(("code", "gloc3 2.0", "gloc3 1.0", "versions"))] == [
+        "gloc3 2.0 is in use; before: 1.0",
+        "code: 0",
+        "gloc3 2.0",
+        "versions: 2.0 of 1.0 2.0",
+        "code: 2",
+        "versions: 2.0 of 1.0 2.0",
+        "gloc3 1.0 is in use; before: 2.0",
+        "code: 0",
+        "gloc3 1.0",
+        "gloc3 2.0 is in use; before: 1.0",
+        "code: 0",
+        "gloc3 1.0 is installed in /opt/gloc3/1.0",
+        "gloc3 1.0 is in use; before: 2.0",
+        "code: 0",
+        "code: 2",
+        "versions: 1.0 of 1.0",
+    ]
+    assert "  Package python9.9 is not installed." in lines
+    assert "dpkg-query: no packages found matching gloc3-3.0" in lines
+    assert "installed again" in lines, "what was left half-way is installed"
+    assert "is not the released file" in done.stdout
 
 
 @pytest.mark.parametrize("what", ["newest", "-3", "gloc3-9.0.whl", "none.deb", "../1.0"])

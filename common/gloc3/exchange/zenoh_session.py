@@ -1,15 +1,19 @@
 """Opens Zenoh sessions with explicit endpoints only: no scouting, and no implicit listeners.
 
-A node without connect endpoints is a router. The nodes that connect to it are peers, each in a region of its own below
-it, so that it forwards their messages to each other; child processes are clients of their parent. A node that connects
-and listens is both: so routers form a tree of any depth, in which each has one uplink. A node with two uplinks would get
-messages twice.
+A node without connect endpoints is a router. The nodes that connect to it alone are its clients, as child processes are
+of their parent, and it forwards their messages to each other. A client may listen and have clients itself: so routers
+form a tree of any depth, in which each has one uplink. A node with two uplinks would get messages twice.
+
+A node that connects to several is a peer, in a region of its own below each. The cost of a declaration at a router grows
+with its regions, its members and what they declare: with 200 regions a router needs minutes until everybody has joined,
+with 200 clients a second.
 """
 
 import json
 from collections.abc import Callable, Mapping
 from hashlib import blake2s
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Event
 from typing import Any, Final, NamedTuple
 
@@ -41,6 +45,8 @@ QUEUED_BATCHES: Final = 16
 """So many packets of at most 64 kB wait for a link, of each priority; Zenoh takes no more."""
 UNIX: Final = "unixsock-stream"
 QUIC: Final = "quic/"
+BEGINNING: Final = "the beginning"
+"""The node at which a client begins: no member's name."""
 IN_USE: Final = "Address already in use"
 RELEASED_S, TRY_S = 3.0, 0.05
 """Time for retries at opening, and between them, s: a closed session releases its QUIC port only after a few tenths
@@ -56,7 +62,9 @@ class ZenohEndpoints(msgspec.Struct, frozen=True, kw_only=True):
     connect: tuple[str, ...] = ()
     """Nodes that need not be there yet, or any more: they are tried again and again."""
     accepts: tuple[str, ...] = ()
-    """The names of the nodes that may connect to this one, but for that which it connects to; children need no name."""
+    """The names of the nodes that connect to this one and to others as well; clients and children need no name."""
+    client_of: tuple[str, ...] = ()
+    """The node at `connect`, if it is one only, or those of which it is one: it is that node's client. Else it is a peer."""
     is_child: bool = False
     """It connects to its parent process, which must be there."""
 
@@ -66,6 +74,8 @@ class NodeSession(NamedTuple):
 
     session: zenoh.Session
     door: FrontDoor | None
+    beginning: TemporaryDirectory[str] | None = None
+    """Where a client has begun (`_begin_client`)."""
 
     def accept(self, refused: Refused) -> None:
         """Has the front door accept connections.
@@ -89,6 +99,8 @@ class NodeSession(NamedTuple):
         self.session.close()  # type: ignore[no-untyped-call]
         if self.door is not None:
             self.door.close()
+        if self.beginning is not None:
+            self.beginning.cleanup()
 
 
 def configuration(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) -> zenoh.Config:
@@ -118,12 +130,11 @@ def configuration(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) 
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(STALLED_S * 1e6),
     }
-    if node.is_child:
-        values["mode"] = "client"
-    else:
-        values["mode"] = "peer" if node.connect else "router"
-        values["gateway"] = {"south": [{"filters": [wanted]} for wanted in (*regions, {"modes": ["client"]})]}
-    if node.connect:
+    values["mode"] = "client" if node.is_child or node.client_of else "peer" if node.connect else "router"
+    if not node.is_child:
+        above = {"region_names": [_region(name) for name in (*node.client_of, BEGINNING)], "negated": True}
+        below = above if node.client_of else {"modes": ["client"]}
+        values["gateway"] = {"south": [{"filters": [wanted]} for wanted in (*regions, below)]}
         values["region_name"] = _region(node.name)
     config = zenoh.Config()
     for path, value in {**values, **(extra or {})}.items():
@@ -160,15 +171,39 @@ def open_node(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) -> N
         Gloc3Error: as for `new_session`.
     """
     announced = [endpoint for endpoint in node.listen if endpoint.startswith(TLS)]
-    if not announced:
-        return NodeSession(new_session(node, extra), None)
-    door = FrontDoor(announced)
-    others = [endpoint for endpoint in node.listen if endpoint not in announced]
+    door = FrontDoor(announced) if announced else None
+    if door is not None:
+        others = [endpoint for endpoint in node.listen if endpoint not in announced]
+        node = replace(node, listen=(door.endpoint, *others))
     try:
-        return NodeSession(new_session(replace(node, listen=(door.endpoint, *others)), extra), door)
+        if node.client_of:
+            return _begin_client(node, extra, door)
+        return NodeSession(new_session(node, extra), door)
     except BaseException:
-        door.close()
+        if door is not None:
+            door.close()
         raise
+
+
+def _begin_client(node: ZenohEndpoints, extra: Mapping[str, Any] | None, door: FrontDoor | None) -> NodeSession:
+    """Opens a client whose router need not be there yet.
+
+    Zenoh opens a client only when it is connected, but one that has lost its connection tries all its endpoints again and
+    again. It therefore begins at a node of this process, which is closed at once. The folder of that socket stays, so that
+    nobody else can listen in it.
+    """
+    folder = TemporaryDirectory(prefix="gloc3-")
+    try:
+        begin = ZenohEndpoints(name=BEGINNING, listen=(f"{UNIX}/{folder.name}/begin",))
+        at_first = new_session(begin)
+        try:
+            session = new_session(replace(node, connect=(*begin.listen, *node.connect)), extra)
+        finally:
+            at_first.close()  # type: ignore[no-untyped-call]
+    except BaseException:
+        folder.cleanup()
+        raise
+    return NodeSession(session, door, folder)
 
 
 def watch_links(session: zenoh.Session, changed: Callable[[str, bool], None]) -> None:

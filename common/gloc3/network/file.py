@@ -56,6 +56,8 @@ class NetworkFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Addresses, of the same form, of the members that this one connects to."""
     uplinks: list[str] = []
     """The members at those addresses: all others are below this one, and may connect to it."""
+    peers: list[str] | None = None
+    """Of those below, the ones that connect to others as well; None in files of before there was this list: any."""
     region: list[str] = []
     """Of a router: the platforms that connect to it, which it sums up."""
     watches: list[str] = []
@@ -102,11 +104,13 @@ class Membership(NamedTuple):
             sockets: endpoints for child processes, in addition to those in the file.
         """
         file = self.file
+        below = [other.member for other in file.others if other.member not in file.uplinks]
         return ZenohEndpoints(
             name=file.member,
             listen=(*map(_endpoint, file.listen), *sockets),
             connect=tuple(map(_endpoint, file.connect)),
-            accepts=tuple(other.member for other in file.others if other.member not in file.uplinks),
+            accepts=tuple(below if file.peers is None else file.peers),
+            client_of=tuple(file.uplinks) if len(file.uplinks) == 1 else (),
         )
 
     def expiry(self, now: datetime) -> str:
@@ -254,10 +258,11 @@ def _findings(document: Document, file: NetworkFile) -> list[Finding]:
                         (where, index), problem, "write HOST:PORT, such as 192.168.1.10:7447, or quic/HOST:PORT"
                     )
                 )
-    for index, uplink in enumerate(file.uplinks):
-        if uplink not in names:
-            message = f"{uplink!r} is not among the accepted members"
-            found.append(document.finding(("uplinks", index), message, nearest(uplink, names)))
+    for where, listed in (("uplinks", file.uplinks), ("peers", file.peers or [])):
+        for index, name in enumerate(listed):
+            if name not in names:
+                message = f"{name!r} is not among the accepted members"
+                found.append(document.finding((where, index), message, nearest(name, names)))
     if not file.listen and not file.connect:
         found.append(document.finding(("member",), "neither listens nor connects anywhere", "add listen or connect"))
     return found

@@ -81,6 +81,13 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         current = self.current()
         return [at for target in self.targets(name) for at in current[target].reached_at or current[target].listen]
 
+    def peers(self, name: str) -> list[str]:
+        """The members that connect to a member, and to others as well; a router connects to one at a time."""
+        targets = {
+            other: self.targets(other) for other, each in self.current().items() if each.role is not MemberRole.ROUTER
+        }
+        return [other for other, its in targets.items() if name in its and len(its) > 1]
+
     def targets(self, name: str) -> list[str]:
         """The members to which a member connects.
 
@@ -424,6 +431,8 @@ authority: {AUTHORITY}
 listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
 uplinks: [{", ".join(map(_quoted, register.targets(name)))}]
+# Those that connect to it, and to others as well.
+peers: {_list(register.peers(name))}
 {_region(register, name)}{rights}{revocations}
 # Who is accepted, in which role, with which certificate; everyone else is refused.
 # `gloc3 network show` shows the permissions. After a change: SIGHUP to the processes that use it.

@@ -103,7 +103,7 @@ def routing(
     """
     loop, random, own = asyncio.get_running_loop(), SystemRandom(), membership.file
     node = membership.node()
-    node = msgspec.structs.replace(node, connect=node.connect[uplink : uplink + 1])
+    node = msgspec.structs.replace(node, connect=node.connect[uplink : uplink + 1], client_of=tuple(own.uplinks))
     opened = open_node(node, membership.settings())
     exchange = ZenohExchange(opened, loop, TopicTable.installed(), lambda _, text: _warn(text), is_sharing=False)
 

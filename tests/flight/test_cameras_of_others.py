@@ -88,7 +88,8 @@ def test_one_picture_and_pictures_at_an_interval_until_they_are_stopped(flight: 
     assert (status.image_status, status.image_interval) == (2, 0.5)
     assert tool.command(START, 0.0, 1.0, 0.0, target=CAMERA) is CommandResult.DENIED
     assert "are being taken; stop them first" in reasons(flight)[-1]
-    assert Tool(flight, system=249).command(STOP, target=CAMERA) is CommandResult.NOT_IN_CONTROL
+    assert Tool(flight, system=249).command(STOP, target=CAMERA) is CommandResult.DENIED
+    assert "refused: station 250 holds control" in reasons(flight)[-1]
     assert tool.command(STOP, target=CAMERA) is CommandResult.ACCEPTED
     flight.wait(1.0)
     count = requested(tool, "CAMERA_CAPTURE_STATUS", 262).image_count

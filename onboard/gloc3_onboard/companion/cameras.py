@@ -27,7 +27,7 @@ from gloc3.messages.vehicle import Home, ImageRecorded, Pose
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.states import ActionState
 from gloc3.platform.platform import Platform
-from gloc3_onboard.companion.pending_requests import NotInControl, PendingRequests
+from gloc3_onboard.companion.pending_requests import PendingRequests
 from gloc3_onboard.process.vitals import Vitals
 
 LAST_COMPONENT: Final = 105
@@ -323,9 +323,7 @@ class MavlinkCamera:
                 self._start(request)
             else:
                 self._stop(request)
-        except NotInControl as refusal:
-            self._answer(request, CommandResult.NOT_IN_CONTROL, str(refusal))
-        except Refused as refusal:
+        except Refused as refusal:  # also without control: NOT_IN_CONTROL makes MAVSDK 4.1 abort
             self._answer(request, CommandResult.DENIED, str(refusal))
 
     def _queried(self, request: MavCommandRequest, now_s: float) -> CommandResult | None:

@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.sockets, pytest.mark.flight]
 
 CAMERA = 100
 IMAGE_START = 2000
-ACCEPTED, NOT_IN_CONTROL = 0, 10
+ACCEPTED, DENIED = 0, 2
 WITHIN_S = 60.0
 
 
@@ -90,9 +90,33 @@ def test_it_finds_the_camera_and_takes_single_pictures_and_many(tmp_path: Path) 
             status = qgc.request(CAMERA, 262, "CAMERA_CAPTURE_STATUS")
             assert (status.image_status, status.image_count) == (0, len(many) + 1)
             assert qgc.request(CAMERA, 269, "VIDEO_STREAM_INFORMATION") is None
-            assert qgc.command(CAMERA, IMAGE_START, 0.0, 0.0, 1.0, 1.0) == NOT_IN_CONTROL, "mavsdk holds control"
+            assert qgc.command(CAMERA, IMAGE_START, 0.0, 0.0, 1.0, 1.0) == DENIED, "mavsdk holds control"
     (picture,) = scene.out.rglob(first.file_url)
     with picture.open("rb") as file:
         tags = exifread.process_file(file, details=False)
     assert "GPS GPSLatitude" in tags
     assert str(tags["Image Model"]) == "ground"
+
+
+def test_without_control_mavsdk_is_denied_and_lives(tmp_path: Path) -> None:
+    (sensors,) = free_ports(1, socket.SOCK_STREAM)
+    source = ("--device", f"ground_camera=tcp://127.0.0.1:{sensors}")
+    with (
+        vehicle(tmp_path, *source, simulator=("--sensors", str(sensors))) as scene,
+        closing(Station(scene.port)) as qgc,
+    ):
+        qgc.receive(qgc.kind("HEARTBEAT", CAMERA), WITHIN_S, "the camera's heartbeat")
+        end_s = time.monotonic() + WITHIN_S
+        while qgc.command(CAMERA, IMAGE_START, 0.0, 0.0, 1.0, 1.0) != ACCEPTED:
+            assert time.monotonic() < end_s, qgc.texts
+            time.sleep(0.5)
+        with closing(Client(scene.port)) as client:
+            camera = client.plugin(Camera)
+            assert found(camera) == [CAMERA]
+            calls = ((camera.take_photo, ()), (camera.start_photo_interval, (1.0,)), (camera.stop_photo_interval, ()))
+            for call, arguments in calls:
+                with pytest.raises(CameraError) as refused:
+                    call(CAMERA, *arguments)
+                assert refused.value.result is CameraResult.DENIED
+            camera.set_mode(CAMERA, Mode.PHOTO)
+        qgc.receive(lambda one: "station 255 holds control" in getattr(one, "text", ""), 2.0, "the reason")

@@ -14,6 +14,8 @@ EXAMPLES: Final = (
 FILES: Final = (".yaml", ".yml")
 COUNTS: Final = (2, 60)
 LENGTHS_M: Final = (0.001, 5.0)
+TAGS: Final = 587
+"""Of the family 36h11."""
 
 
 def read_board(text: str) -> CalibrationBoard:
@@ -75,11 +77,9 @@ def read_board_file(path: Path) -> CalibrationBoard:
     elif kind == "aprilgrid":
         columns, rows = _whole(values, "tagCols"), _whole(values, "tagRows")
         side_m, gap = _number(values, "tagSize"), _number(values, "tagSpacing", (0.01, 1.0))
-        first = values.value(("codeOffset",)) or 0
-        if None not in (columns, rows, side_m, gap):
-            board = AprilGrid(
-                columns or 0, rows or 0, side_m or 0.0, gap or 0.0, first if isinstance(first, int) else 0
-            )
+        first = 0 if values.value(("codeOffset",)) is None else _whole(values, "codeOffset", (0, TAGS - 1))
+        if None not in (columns, rows, side_m, gap, first):
+            board = AprilGrid(columns or 0, rows or 0, side_m or 0.0, gap or 0.0, first or 0)
     elif kind is None:
         values.missing((), "target_type")
     else:
@@ -90,8 +90,8 @@ def read_board_file(path: Path) -> CalibrationBoard:
     return board
 
 
-def _whole(values: Values, name: str) -> int | None:
-    value, (low, high) = values.value((name,)), COUNTS
+def _whole(values: Values, name: str, bounds: tuple[int, int] = COUNTS) -> int | None:
+    value, (low, high) = values.value((name,)), bounds
     if value is None:
         values.missing((), name)
     elif isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:

@@ -101,6 +101,8 @@ def _of_table(path: Path) -> Floats:
                 rows.append(tuple(map(float, row[-3:])))
     except OSError as error:
         raise InputError([Finding(file=str(path), message=f"cannot be read: {error.strerror}")]) from error
+    except csv.Error as error:
+        raise InputError([Finding(file=str(path), message=f"this is no table: {error}")]) from error
     return np.array(rows).reshape(-1, 3)
 
 

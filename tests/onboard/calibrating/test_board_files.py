@@ -48,6 +48,8 @@ def test_a_word_describes_the_same() -> None:
         (APRIL.replace("0.088", "88"), "board.yaml:4:10: tagSize is 88 (a number from 0.001 to 5, in metres)"),
         (APRIL.replace("0.3", "0.0"), "tagSpacing is a share of tagSize"),
         (CHECKERS.replace("7", "1"), "board.yaml:2:13: targetCols is 1 (a whole number from 2 to 60)"),
+        (APRIL.replace("12", "'12'"), "board.yaml:6:13: codeOffset is '12' (a whole number from 0 to 586)"),
+        (APRIL.replace("12", "-1"), "codeOffset is -1"),
         ("tagCols: 6\n", "'target_type' is missing"),
         ("[1, 2]\n", "'target_type' is missing"),
     ],

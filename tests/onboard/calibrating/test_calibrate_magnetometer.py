@@ -96,6 +96,7 @@ def test_what_is_not_trustworthy_is_not_written(
     [
         ("turn.csv", "x,y,z\n0.1,0.2\n", "turn.csv:2:1: '0.1,0.2' is no reading (a row is x,y,z or time,x,y,z"),
         ("turn.csv", "x,y,z\n0.1,0.2,0.3\n", "1 readings of the magnetometer are too few"),
+        ("turn.csv", f"x,y,z\n{'1' * 200_000},2,3\n", "turn.csv: this is no table: field larger than field limit"),
         ("turn.kml", "", "turn.kml: this is no log of a magnetometer"),
         ("turn.ulg", "ULog no more", "turn.ulg: "),
     ],

@@ -40,6 +40,8 @@ class CameraModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Optical centre in the body frame."""
     frd_from_rdf: Quaternion = (0.5, 0.5, 0.5, 0.5)
     """Rotation from camera axes to body axes; (0.5, 0.5, 0.5, 0.5) looks ahead."""
+    time_shift_s: Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)] = 0.0
+    """Added to the time at which the source stamps a picture, it gives the time on the inertial unit's clock, s."""
     make: Annotated[str, msgspec.Meta(max_length=60)] = ""
     """The camera's manufacturer, for the pictures' EXIF."""
     product: Annotated[str, msgspec.Meta(max_length=60)] = ""

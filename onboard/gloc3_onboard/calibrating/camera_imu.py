@@ -214,7 +214,9 @@ def _hints(fit: CameraImuFit, rig: Path, camera: str) -> list[str]:
         f"use it in the platform file: cameras: {{front: {rig}#{camera}}}; the unit's axes are forward, right, down"
     ]
     if fit.offset_s < 0.0:
-        hints.append(f"pictures are stamped late: write delay_s={-fit.offset_s:.4f} more into the camera's source")
+        hints.append(
+            "pictures are stamped late; the vehicle takes that from the rig file, beyond delay_s of the source"
+        )
     return hints
 
 

@@ -1,9 +1,12 @@
 """Kalibr's camchain YAML: cameras cam0, cam1… with their lenses, the IMU's frame, and each camera from the one before.
 
-`T_cam_imu` is `camera_from_imu`, `T_cn_cnm1` is camera n from camera n - 1 (Kalibr's wiki, "YAML formats").
+`T_cam_imu` is `camera_from_imu`, `T_cn_cnm1` is camera n from camera n - 1, and `timeshift_cam_imu` is added to a picture's
+time to have it on the IMU's clock (Kalibr's wiki, "YAML formats").
 """
 
 from typing import Any, Final
+
+from msgspec.structs import replace
 
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import Document, Where
@@ -12,6 +15,8 @@ from gloc3_onboard.calibration.mounting import Transform, transform_of, transfor
 from gloc3_onboard.calibration.numbers import Values
 
 LENSES: Final[dict[str, Lens]] = {"none": Lens.PINHOLE, "radtan": Lens.RADTAN, "equidistant": Lens.EQUIDISTANT}
+MOST_SHIFT_S: Final = 1.0
+"""Greatest offset in time that a camera can have, s."""
 SPELLED: Final = {"equi": "equidistant"}
 """As the calibrator's own option says it."""
 
@@ -35,14 +40,26 @@ def read_kalibr(document: Document, frd_from_imu: Transform) -> tuple[dict[str, 
         mount = _mount(values, (name,), frd_from_imu, before)
         model = _camera(values, (name,), mount or IN_PLACE)
         before = mount
-        if model is not None and mount is not None:
-            cameras[name] = model
+        shift_s = _time_shift(values, (name, "timeshift_cam_imu"))
+        if model is not None and mount is not None and shift_s is not None:
+            cameras[name] = replace(model, time_shift_s=shift_s)
     return cameras, values
 
 
 def _number(name: str) -> tuple[int, str]:
     digits = name.removeprefix("cam")
     return (int(digits), "") if digits.isdecimal() else (1 << 30, name)
+
+
+def _time_shift(values: Values, where: Where) -> float | None:
+    """The offset in time, s; 0 where the file has none."""
+    value = values.value(where)
+    if value is None:
+        return 0.0
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MOST_SHIFT_S:
+        values.wrong(where, f"timeshift_cam_imu: {value!r} is not a time from {-MOST_SHIFT_S:g} to {MOST_SHIFT_S:g} s")
+        return None
+    return float(value)
 
 
 def _mount(values: Values, where: Where, frd_from_imu: Transform, before: Transform | None) -> Transform | None:

@@ -21,7 +21,7 @@ from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.sensors import camera_sources, sources
 from gloc3_onboard.sensors.devices import HeightSensor
 from gloc3_onboard.sensors.replay import LogTime, Recorded
-from gloc3_onboard.sensors.source_url import Options, SourceUrl, device_problem, option_problem
+from gloc3_onboard.sensors.source_url import DELAY_S, Options, SourceUrl, device_problem, option_problem
 
 ENTRY_POINTS: Final = "gloc3.sensors"
 NOWHERE: Final = "none://"
@@ -39,6 +39,8 @@ class SourceHost(NamedTuple):
     sensors: AutopilotSensors | None = None
     height: HeightSensor | None = None
     """The autopilot's own; None in a process without its link."""
+    time_shift_s: Callable[[str], float] = lambda _camera: 0.0
+    """What a camera's calibration adds to its stamps, s."""
 
 
 class SensorKind(NamedTuple):
@@ -228,7 +230,30 @@ def make_sources(urls: Mapping[str, str], host: SourceHost) -> dict[str, Any]:
 
 
 def _made(request: SourceRequest) -> Any:
-    return source_kinds()[request.url.scheme].make(request)
+    kind = source_kinds()[request.url.scheme]
+    shift_s = _time_shift_s(request.sensor, request.device, request.host)
+    if shift_s and DELAY_S in kind.options:
+        request = request._replace(url=request.url.delayed(-shift_s))
+    return kind.make(request)
+
+
+def _time_shift_s(sensor: SensorKind, device: str, host: SourceHost) -> float:
+    """What the calibration adds to a device's stamps: that of its first camera, as the pictures of a pair are of one time."""
+    return next((host.time_shift_s(camera) for camera in sensor.cameras(device)), 0.0)
+
+
+def time_shift_problems(urls: Mapping[str, str], host: SourceHost) -> list[str]:
+    """The devices whose source cannot apply the time shift of their calibration; logs hold the shifted times."""
+    found = []
+    for device, text in urls.items():
+        url, sensor = parse_source(device, text), _sensor(device)
+        kind, shift_s = source_kinds()[url.scheme], _time_shift_s(sensor, device, host)
+        if shift_s and not kind.is_file and url.scheme != "none" and DELAY_S not in kind.options:
+            found.append(
+                f"{device}: the time shift of its calibration, {1e3 * shift_s:+.1f} ms, is not applied: "
+                f"{url.scheme}:// has no {DELAY_S}"
+            )
+    return found
 
 
 def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str]) -> dict[str, str]:

@@ -67,6 +67,15 @@ def stored(path: Path, **values: Any) -> Path:
     return path
 
 
+def test_the_offset_in_time_of_a_camchain_is_read(tmp_path: Path) -> None:
+    text = CAMCHAIN.replace("cam1:\n", "  timeshift_cam_imu: -0.0125\ncam1:\n")
+    found = read_calibration(written(tmp_path, text))
+    assert [found.camera(name).time_shift_s for name in ("cam0", "cam1")] == [-0.0125, 0.0]
+    for wrong in ("late", "true", "-1.5"):
+        path = written(tmp_path, text.replace("-0.0125", wrong))
+        assert "is not a time from -1 to 1 s" in findings(path)
+
+
 @pytest.mark.parametrize("name", ["camera.yml", "camera.xml"])
 def test_a_file_that_opencv_wrote_is_read_in_both_its_forms(tmp_path: Path, name: str) -> None:
     path = stored(

@@ -1,4 +1,4 @@
-"""Nodes of ROS 2 as sensors: odometry, scans and depth pictures from the wire of rmw_zenoh."""
+"""Nodes of ROS 2 as sensors: odometry, scans, point clouds and depth pictures from the wire of rmw_zenoh."""
 
 import math
 import queue
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 import msgspec
 
 from gloc3.errors import Gloc3Error, Refused
-from gloc3.messages.perception import DepthImage, EstimatorPose, LaserScan
+from gloc3.messages.perception import DepthImage, EstimatorPose, LaserScan, PointCloud
 from gloc3_onboard.autopilot.telemetry import BootClock
 from gloc3_onboard.sensors.camera_sources.depth import DEPTH, depth_name
-from gloc3_onboard.sensors.devices import StampedDepth, StampedEstimatorPose, StampedScan
+from gloc3_onboard.sensors.devices import StampedCloud, StampedDepth, StampedEstimatorPose, StampedScan
+from gloc3_onboard.sensors.lidar_sources.lidar import LIDAR, PLACE, LidarMount
 from gloc3_onboard.sensors.registry import SourceKind, SourceRequest
 from gloc3_onboard.sensors.source_url import DELAY, DEPTHS, FAR_M, NEAR_M, Number, Options, SourceUrl
 from gloc3_onboard.sensors.sources.estimator_wire import FLU, pose_of
@@ -33,6 +34,7 @@ _NONSENSE: Final = 50
 """Messages that are not accepted, without one that is, after which the topic is taken for something else."""
 DEPTH_UNIT_M: Final = 0.001
 MOST_DEPTH_M: Final = 65.0
+MOST_CLOUD_M: Final = 100.0
 NETWORK: Final[Options] = {"router": None, "domain": Number(0, 232, True)}
 """The options of every source in ROS 2."""
 
@@ -225,6 +227,60 @@ class RosDepthCamera(RosSource[StampedDepth]):
         return StampedDepth(t_s, item)
 
 
+class RosLidar(RosSource[StampedCloud]):
+    """A point cloud of another node (`sensor_msgs/PointCloud2`), on axes forward, left, up (REP 103)."""
+
+    kind = "sensor_msgs/PointCloud2"
+
+    def cloud(self) -> StampedCloud | None:
+        """The latest cloud; None before the first.
+
+        Raises:
+            Gloc3Error: the topic brings something else.
+        """
+        return self.latest()
+
+    def convert(self, message: Any) -> tuple[float, PointCloud]:
+        """The cloud; points that are no numbers, or out of range, are left out."""
+        import numpy as np
+
+        forms = {7: "f4", 8: "f8"}
+        fields = {field.name: field for field in message.fields if field.name in ("x", "y", "z")}
+        if len(fields) < 3 or any(field.datatype not in forms for field in fields.values()):
+            raise ValueError("its points have no x, y and z that are FLOAT32 or FLOAT64")
+        order = ">" if message.is_bigendian else "<"
+        names = list(fields)
+        form = np.dtype(
+            {
+                "names": names,
+                "formats": [order + forms[fields[name].datatype] for name in names],
+                "offsets": [fields[name].offset for name in names],
+            }
+        )
+        height, width, step, row = message.height, message.width, message.point_step, message.row_step
+        data = np.frombuffer(bytes(message.data), np.uint8)
+        if form.itemsize > step or width * step > row or height * row > len(data):
+            raise ValueError(f"{len(data)} bytes are not {height} rows of {width} points of {step} bytes")
+        points = np.ascontiguousarray(data[: height * row].reshape(height, row)[:, : width * step]).reshape(-1, step)
+        values = np.ascontiguousarray(points[:, : form.itemsize]).view(form).ravel()
+        found = np.column_stack((values["x"], -values["y"], -values["z"])).astype(np.float64)
+        near_m, far_m = self._url.number("min_m", NEAR_M), self._url.number("max_m", MOST_CLOUD_M)
+        away_m = np.linalg.norm(found, axis=1)
+        found = found[(away_m >= near_m) & (away_m <= far_m)]
+        mount = LidarMount.of(self._url)
+        cloud = PointCloud(
+            sensor=self.name,
+            data=mount.placed(found).astype("<f4").tobytes(),
+            origin_frd_m=mount.position_frd_m,
+            range_max_m=far_m,
+        )
+        return _stamp_s(message), cloud
+
+    def stamped(self, t_s: float, item: PointCloud) -> StampedCloud:
+        """The cloud with its time."""
+        return StampedCloud(t_s, item)
+
+
 def _stamp_s(message: Any) -> float:
     return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9  # type: ignore[no-any-return]
 
@@ -246,15 +302,16 @@ _KINDS: Final[Mapping[str, type[RosSource[Any]]]] = {
     "estimator": RosEstimator,
     "laser": RosLaser,
     DEPTH: RosDepthCamera,
+    LIDAR: RosLidar,
 }
-_OPTIONS: Final[Mapping[str, Options]] = {"estimator": {}, "laser": MOUNT, DEPTH: DEPTHS}
+_OPTIONS: Final[Mapping[str, Options]] = {"estimator": {}, "laser": MOUNT, DEPTH: DEPTHS, LIDAR: {**PLACE, **DEPTHS}}
 SOURCES: Final = (
     SourceKind(
         "ros2",
         tuple(_KINDS),
         "ros2://odometry/filtered, or ros2://scan?router=tcp/192.168.1.20:7447",
         _make,
-        {**NETWORK, **DELAY, **MOUNT, **DEPTHS},
+        {**NETWORK, **DELAY, **MOUNT, **PLACE, **DEPTHS},
         problem=_library_problem,
     ),
 )

@@ -13,6 +13,7 @@ from gloc3.messages.perception import (
     EstimatorPose,
     ImuSample,
     LaserScan,
+    PointCloud,
     SatelliteFix,
     WheelDistances,
 )
@@ -67,6 +68,13 @@ class StampedScan(NamedTuple):
 
     t_s: float
     scan: LaserScan
+
+
+class StampedCloud(NamedTuple):
+    """A 3D scanner's turn with the time of its end."""
+
+    t_s: float
+    cloud: PointCloud
 
 
 class StampedImu(NamedTuple):
@@ -225,6 +233,13 @@ class Laser(SensorSource, Protocol):
     """A range scanner."""
 
     def scan(self) -> StampedScan | None:
+        """The latest turn; None before the first."""
+
+
+class Lidar(SensorSource, Protocol):
+    """A 3D scanner."""
+
+    def cloud(self) -> StampedCloud | None:
         """The latest turn; None before the first."""
 
 

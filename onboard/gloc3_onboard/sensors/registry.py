@@ -1,4 +1,4 @@
-"""The kinds of sensors and of their sources: found in two rooms and installed packages, created from URLs.
+"""The kinds of sensors and of their sources: found in three rooms and installed packages, created from URLs.
 
 A package adds its own by an entry point of the group `gloc3.sensors`, which names a module with `SENSORS` or `SOURCES`.
 """
@@ -18,7 +18,7 @@ from gloc3.installed import installed_points
 from gloc3.messages.vehicle import Image
 from gloc3.platform.platform import Platform
 from gloc3_onboard.autopilot.sensors import AutopilotSensors
-from gloc3_onboard.sensors import camera_sources, sources
+from gloc3_onboard.sensors import camera_sources, lidar_sources, sources
 from gloc3_onboard.sensors.devices import HeightSensor
 from gloc3_onboard.sensors.replay import LogTime, Recorded
 from gloc3_onboard.sensors.source_url import DELAY_S, Options, SourceUrl, device_problem, option_problem
@@ -138,7 +138,7 @@ def source_kinds() -> Mapping[str, SourceKind]:
 
 @cache
 def _rows() -> tuple[Mapping[str, SensorKind], Mapping[str, SourceKind]]:
-    rooms = (camera_sources, sources)
+    rooms = (camera_sources, lidar_sources, sources)
     modules = [
         import_module(f"{room.__name__}.{one.name}") for room in rooms for one in pkgutil.iter_modules(room.__path__)
     ]

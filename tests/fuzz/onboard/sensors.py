@@ -10,6 +10,7 @@ from tests.fuzz.target import as_file, fuzz_target, pieces, refuses
 from gloc3.errors import Gloc3Error
 from gloc3_onboard.calibration.reader import read_calibration
 from gloc3_onboard.sensors.camera_sources.raw_frames import RawFrameReader
+from gloc3_onboard.sensors.lidar_sources.velodyne import TurnAssembler, packet_of
 from gloc3_onboard.sensors.registry import parse_source, source_kinds
 from gloc3_onboard.sensors.sources.doppler import A50Decoder, Pd6Decoder
 from gloc3_onboard.sensors.sources.estimator_wire import JsonDecoder, OdometryDecoder
@@ -25,6 +26,7 @@ DEVICES: Final = (
     "imu",
     "stereo_camera",
     "depth_camera",
+    "lidar",
     "dvl",
     "estimator",
     "height",
@@ -101,6 +103,20 @@ def estimator_poses(data: bytes) -> None:
             assert abs(hypot(*pose.world_from_body) - 1.0) < 1e-6
             assert 0.0 <= pose.quality <= 1.0
             assert report.stamp_s is None or isfinite(report.stamp_s)
+
+
+@fuzz_target("gloc3_onboard.sensors.lidar_sources.velodyne")
+def velodyne_packets(data: bytes) -> None:
+    """Datagrams of a 3D scanner are turns of finite points within its range, or are refused; what is kept is bounded."""
+    turns, head = TurnAssembler(0.5, 100.0), 4
+    for number in range(3):
+        block = b"\xff\xee" + data[head * number : head * number + 2].ljust(2, b"\0") + data[16:].ljust(96, b"\0")[:96]
+        for datagram in (data, 12 * block + data[12:16].ljust(4, b"\0") + b"\x37\x22"):
+            with suppress(ValueError):
+                found = turns.add(packet_of(datagram))
+                if found is not None:
+                    assert np.isfinite(found).all()
+                    assert (np.linalg.norm(found, axis=1) < 100.1).all()
 
 
 @fuzz_target("gloc3_onboard.sensors.sources.rplidar", "gloc3_onboard.sensors.sources.laser")

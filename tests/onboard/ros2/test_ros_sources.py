@@ -14,9 +14,10 @@ from tests.ros_peer import Peer, peer, router
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.frames import rotate, to_euler
-from gloc3_onboard.ros2.sources import RosDepthCamera, RosEstimator, RosLaser
+from gloc3_onboard.ros2.sources import RosDepthCamera, RosEstimator, RosLaser, RosLidar
 from gloc3_onboard.sensors.registry import parse_source
 
+CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY, SCAN, IMAGE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Image"
 
 
@@ -136,6 +137,56 @@ def test_a_depth_picture_of_another_node_comes_in_millimetres(endpoint: str, oth
     depth = first(device, device.depth, lambda: publisher.publish(**send)).depth
     assert (depth.camera, depth.width, depth.height, depth.scale_m) == ("rear_depth", 3, 2, 0.001)
     assert (depth.data, depth.range_max_m) == (values.tobytes(), 6.0)
+
+
+def lidar(url: str = "ros2://points") -> RosLidar:
+    return RosLidar("lidar", parse_source("lidar", url), monotonic)
+
+
+@pytest.mark.sockets
+def test_a_point_cloud_of_another_node_comes_on_the_body(endpoint: str, other: Peer) -> None:
+    device = lidar(f"ros2://points?router={endpoint}&forward_m=0.5&max_m=30")
+    publisher = other.publisher("/points", CLOUD)
+    rows = np.array([[(1, 2, 3, 7), (nan, 0, 0, 7), (0.01, 0, 0, 7)], [(40, 0, 0, 7), (-4, 0, 0, 7), (0, inf, 0, 7)]])
+    form = other.message
+    fields = [
+        form("sensor_msgs/msg/PointField", name=name, offset=4 * number, datatype=7, count=1)
+        for number, name in enumerate(("x", "y", "z", "intensity"))
+    ]
+    cloud = {"height": 2, "width": 3, "fields": fields, "is_bigendian": False, "point_step": 16, "row_step": 48}
+    cloud |= {"data": rows.astype("<f4").view("u1").ravel(), "is_dense": False}
+    send = {"header": header(other, 1_700_000_000.0), **cloud}
+    found = first(device, device.cloud, lambda: publisher.publish(**send)).cloud
+    assert (found.sensor, found.origin_frd_m, found.range_max_m) == ("lidar", (0.5, 0.0, 0.0), 30.0)
+    points = np.frombuffer(found.data, "<f4").reshape(-1, 3)
+    assert points.tolist() == [[1.5, -2.0, -3.0], [-3.5, 0.0, 0.0]]
+
+
+def points(**changes: Any) -> SimpleNamespace:
+    """One point as it is decoded, in eight bytes a number, in the other order of bytes, z first."""
+    fields = [SimpleNamespace(name=name, offset=8 * n, datatype=8) for n, name in enumerate("zxy")]
+    values = {"fields": fields, "height": 1, "width": 1, "point_step": 24, "row_step": 30, "is_bigendian": True}
+    values |= {"data": np.array([3.0, 1.0, 2.0], ">f8").tobytes() + bytes(6)}
+    return SimpleNamespace(**values | {"header": SimpleNamespace(stamp=SimpleNamespace(sec=10, nanosec=0))} | changes)
+
+
+def test_the_fields_of_a_cloud_are_found_by_their_names() -> None:
+    assert np.frombuffer(lidar().convert(points())[1].data, "<f4").tolist() == [1.0, -2.0, -3.0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"fields": []}, "have no x, y and z"),
+        ({"fields": [SimpleNamespace(name=name, offset=0, datatype=2) for name in "xyz"]}, "have no x, y and z"),
+        ({"point_step": 16}, "30 bytes are not 1 rows of 1 points of 16 bytes"),
+        ({"height": 2}, "30 bytes are not 2 rows"),
+        ({"width": 2}, "30 bytes are not 1 rows of 2 points"),
+    ],
+)
+def test_a_cloud_that_is_torn_is_refused(changes: dict[str, Any], why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        lidar().convert(points(**changes))
 
 
 def image(values: Any, encoding: str, padding: int = 0, **changes: Any) -> SimpleNamespace:

@@ -34,6 +34,7 @@ DEVICE_OF = {
     "camera": "ground_camera",
     "depth_camera": "rear_depth_camera",
     "laser": "top_laser",
+    "lidar": "lidar",
     "imu": "imu",
     "height": "sonar_height",
     "dvl": "dvl",

@@ -332,7 +332,7 @@ class PoseFusion:
         was_turned_down, was_used, std_m = trust.is_turned_down, trust.is_used, self.estimate.position_std_m
         if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past, report):
             self._voting.hold(t_s)
-            if was_turned_down:
+            if was_turned_down or self._voting.has_been_wrong(message.source):
                 self._voting.returned(message.source, measured.by_pose[:, :3].T @ measured.residual, std_m)
             self._voting.isolation.record(message.source).pull(
                 _minus(self.estimate.inertial.now.position_ned_m, was), t_s

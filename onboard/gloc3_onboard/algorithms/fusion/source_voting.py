@@ -66,6 +66,8 @@ class SourceVoting:
         )
         self._unconfirmed: set[str] = set()
         """Sources that were voted out by one other and the inertial unit."""
+        self._convicted: set[str] = set()
+        """Sources that were voted out, or moved unfelt by the inertial unit, and have not been used again since."""
         self._returned: set[str] = set()
         """Sources of positions that are used again after they were turned down."""
         self._doubtful_s = float("-inf")
@@ -146,7 +148,9 @@ class SourceVoting:
             verdict = self._contradiction(now_s)
         self._follow_conflict(None if verdict.is_unanimous else verdict, now_s)
         for name in self.isolation.witness.clearly_against:  # its gate alone does not let it in again
-            self.trust[name].is_voted_out = not self.trust[name].is_used
+            if not self.trust[name].is_used:
+                self.trust[name].is_voted_out = True
+                self._convicted.add(name)
         used = [name for name, may in voters.items() if may and self.trust[name].is_used]
         for name in voters:
             trust = self.trust[name]
@@ -157,6 +161,10 @@ class SourceVoting:
         self._separate(now_s)
         self._confirm_reference(now_s)
 
+    def has_been_wrong(self, source: str) -> bool:
+        """Whether a source has not been used since others or the inertial unit have found it wrong."""
+        return source in self._convicted
+
     def returned(self, source: str, apart_m: Matrix, std_m: Vector3) -> None:
         """Notes that a source of positions is used again after it was turned down.
 
@@ -165,6 +173,7 @@ class SourceVoting:
             apart_m: how far the position was from it, (3,) in NED.
             std_m: standard deviation of the position before.
         """
+        self._convicted.discard(source)
         self._returned.add(source)
         self._doubtful_s = self._estimate.t_s
         self._estimate.doubt_reference(apart_m, std_m)
@@ -236,6 +245,7 @@ class SourceVoting:
             self._unconfirmed.discard(verdict.voted_out)
         else:
             self._unconfirmed.add(verdict.voted_out)
+        self._convicted.add(verdict.voted_out)
         culprit.turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
         self._odometers.reset(verdict.voted_out)
         for name in verdict.against:

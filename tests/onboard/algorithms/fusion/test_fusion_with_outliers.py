@@ -62,7 +62,7 @@ def test_one_that_has_dragged_the_pose_leaves_its_doubt_when_its_gate_turns_it_d
 def test_one_that_was_wrong_does_not_make_certain_again_what_others_have_made_uncertain_meanwhile() -> None:
     """The tracker comes back, 0.2 m off, to a pose that a wrong laser has moved there."""
     case = CASES["pelican: stereo garbage, laser 5 % too long, tracker 0.2 m off"]
-    assert max(trial(case, seed).lying_s for seed in (1, 11)) <= LONGEST_S
+    assert max(trial(case, seed).lying_s for seed in (1, 42)) <= LONGEST_S
 
 
 @pytest.mark.parametrize(("other_fault", "is_confirmed"), [("", True), ("step", False)])

@@ -21,7 +21,9 @@ PRIOR: Final = 0.15
 """What a place at the edge of the window must gather more than one in its middle, as a share of all votes."""
 FARTHEST_M: Final = 15.0
 BEST: Final = 6
-"""So many candidates are handed back."""
+"""So many candidates are handed back…"""
+LEAST: Final = 0.7
+"""…and none that gathers less than this share of the best one's votes."""
 
 
 class SearchWindow(NamedTuple):
@@ -106,10 +108,10 @@ def _raster(feet: Array, guess: Planar, cell_m: float, reach: int) -> tuple[NDAr
 def _peaks(scores: NDArray[np.int64], headings: Array, shifts: Array, guess: Planar) -> list[Planar]:
     """The highest scores that lie apart from each other."""
     found: list[Planar] = []
-    left = scores.copy()
+    left, least = scores.copy(), max(LEAST * float(scores.max()), 0.0)
     for _ in range(BEST):
         turn, row, column = (int(i) for i in np.unravel_index(int(np.argmax(left)), left.shape))
-        if left[turn, row, column] <= 0:
+        if left[turn, row, column] <= least:
             break
         found.append(Planar(guess.x_m + float(shifts[row]), guess.y_m + float(shifts[column]), float(headings[turn])))
         left[max(turn - 2, 0) : turn + 3, max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3] = 0

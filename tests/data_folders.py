@@ -17,4 +17,6 @@ RELATIONS: Final = Path(os.environ.get("GLOC3_RELATIONS", OUTSIDE / "lidar" / "r
 """Public laser logs with published relations, for a page of evidence; by the environment, because they are too large."""
 CALIBRATIONS: Final = Path(os.environ.get("GLOC3_CALIBRATIONS", OUTSIDE / "calibration"))
 """Public pictures of calibration boards, with published results; for the evidence only."""
+STEREO: Final = Path(os.environ.get("GLOC3_STEREO", OUTSIDE / "stereo"))
+"""Public stereo pictures with their truth, a folder a set; by the environment, because they are too large."""
 REASON: Final = "needs data from outside the repository, and ../shared/data is not here"

@@ -1,15 +1,18 @@
 """The stereo odometer alone: 60 m inspection flights in the hold and in the hard one, real pictures, and a peer."""
 
+import os
 import subprocess
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import msgspec
 import numpy as np
-from tests.data_folders import PICTURES
+from tests.data_folders import PICTURES, STEREO
 from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
+from tests.evidence.stereo_sets import SETS, SPOILED, libviso2, ours, plain, read_drive
 from tests.onboard.algorithms.vision.flights import Pair, fly, inspection
 from tests.onboard.algorithms.vision.moved_rest import drive, rectified
 from tests.onboard.algorithms.vision.trial import BOUND_95, Trial, constant, follow, zero
@@ -26,8 +29,8 @@ from gloc3_sitl.world.rig import FRONT_LEFT, FRONT_RIGHT
 
 SEEDS = range(10)
 IMAGES = PICTURES
-PEER = ROOT / "runs" / "peers" / "libviso2"
-"""Where the sources of libviso2 are looked for (`src/viso_stereo.cpp`…); they are no part of this project."""
+PEER = Path(os.environ.get("GLOC3_VISO2", ROOT / "runs" / "peers" / "viso2"))
+"""A program that runs libviso2 and speaks as `viso2_driver.cpp` does; neither it nor that library is in this project."""
 LEFT = msgspec.structs.replace(FRONT_LEFT, lens=Lens.PINHOLE, distortion=(), center_px=(319.5, 239.5))
 RIGHT = msgspec.structs.replace(LEFT, position_frd_m=FRONT_RIGHT.position_frd_m)
 WARMED_UP = 3
@@ -149,7 +152,7 @@ def real(progress: Progress) -> list[Figure]:
         ),
         Figure("… largest", f"{worst:.3f}"),
     ]
-    return figures + peers(progress)
+    return figures + peers(progress) + (public(progress) if PEER.is_file() else [])
 
 
 def at_rest() -> float:
@@ -180,8 +183,8 @@ def mono() -> tuple[float, float]:
 
 def peers(progress: Progress) -> list[Figure]:
     """Ours and libviso2 on the same rectified pictures of the hold."""
-    if not (PEER / "src" / "viso_stereo.cpp").is_file():
-        return [Figure("libviso2", f"not run: its sources are not in {PEER.relative_to(ROOT)}")]
+    if not PEER.is_file():
+        return [Figure("libviso2", "not run: GLOC3_VISO2 names no program", "there", is_met=False)]
     figures = []
     for seed in (0, 1):
         progress.report(f"libviso2, seed {seed}")
@@ -234,16 +237,49 @@ def _errors(estimate: Trajectory, truth: Trajectory, cost_ms: float) -> dict[str
 
 
 def _drive_peer(frames: Path) -> str:
-    source, program = PEER / "src", PEER / "driver"
-    if not program.is_file():
-        parts = ("filter", "matcher", "matrix", "triangle", "viso", "viso_stereo")
-        files = [str(source / f"{part}.cpp") for part in parts]
-        driver = str(Path(__file__).with_name("viso2_driver.cpp"))
-        subprocess.run(["g++", "-O3", "-march=native", f"-I{source}", driver, *files, "-o", str(program)], check=True)
     focal, (column, row) = LEFT.focal_px[0], LEFT.center_px
     words = [LEFT.width, LEFT.height, focal, column, row, 0.15, 1, 2]
-    command = [str(program), str(frames), *map(str, words)]
+    command = [str(PEER), str(frames), *map(str, words)]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def public(progress: Progress) -> list[Figure]:
+    """Ours, libviso2 and a plain odometer on public sets, as they are and spoiled in seven ways."""
+    figures = []
+    for name, what in SETS.items():
+        if not (STEREO / name).is_dir():
+            figures.append(Figure(what, "not on this machine", "there", is_met=False))
+            continue
+        for how in SPOILED:
+            progress.report(f"{name}, {how}")
+            figures += _beside(f"{what}, {how}", *progress.part(f"{name} {how}", partial(beside, name, how)))
+    return figures
+
+
+def beside(name: str, how: str) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+    """Figures of ours, libviso2's and the plain odometer's."""
+    cv2.setNumThreads(1)
+    drive = SPOILED[how](read_drive(name))
+    return ours(drive), libviso2(drive, PEER), plain(drive)
+
+
+def _beside(name: str, own: dict[str, float], peer: dict[str, float], simple: dict[str, float]) -> list[Figure]:
+    def all_three(key: str) -> str:
+        return f"ours {own[key]:.2f}, libviso2 {peer[key]:.2f}, plain {simple[key]:.2f}"
+
+    return [
+        Figure(f"{name}: error at the end, %", all_three("end"), "ours ≤ libviso2's", own["end"] <= peer["end"]),
+        Figure("… rms on the way, %", all_three("ate")),
+        Figure(
+            "… processor time a pair, ms", all_three("ms"), "ours ≤ 1.5 × libviso2's", own["ms"] <= 1.5 * peer["ms"]
+        ),
+        Figure(
+            "… ours: valid; normalised squared error; beyond the 95 % bound",
+            f"{own['valid']:.0%}; {own['square']:.2f}; {own['beyond']:.0%}",
+            "squared error 0.05 to 2",
+            0.05 <= own["square"] <= 2.0,
+        ),
+    ]
 
 
 BARS = (

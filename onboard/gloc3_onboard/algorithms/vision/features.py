@@ -9,6 +9,7 @@ from gloc3_onboard.algorithms.vision.corners import GridCorners, Pixels
 from gloc3_onboard.algorithms.vision.lucas_kanade import PatchTracker
 from gloc3_onboard.algorithms.vision.picture import LightEvener, Picture, problem
 from gloc3_onboard.algorithms.vision.point_tracker import NO_PIXELS, Ids, PointTracker
+from gloc3_onboard.algorithms.vision.rigid_guess import RigidGuess, match_patches
 from gloc3_onboard.algorithms.vision.stereo_match import StereoMatcher
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
@@ -67,12 +68,14 @@ class FeatureMatcher:
         self._patches = PatchTracker()
         self._points = PointTracker(GridCorners(self._options.cell_px), self._patches, self._options.levels)
         self._stereo = StereoMatcher(rig, self._options.nearest_m, self._patches)
+        self._guess = RigidGuess(rig)
         self._raw: tuple[Picture, Picture] | None = None
         self.reset()
 
     def reset(self) -> None:
         """Drops all points: later ones have nothing in common with them."""
         self._points.reset()
+        self._guess.reset()
         self._offset_ids: Ids = self._points.ids
         self._offset_px: Pixels = NO_PIXELS
         self._t_s = -np.inf
@@ -96,11 +99,12 @@ class FeatureMatcher:
         left, right = self._light.even(left), self._light.even(right)
         points = self._points
         if points.has_anchor:
-            reason = points.follow(left, t_s - self._t_s)
+            reason = points.follow(left, t_s - self._t_s, _Guide(self._guess, t_s))
             if reason:
                 return _nothing(t_s, reason)
         offsets = self._known_offsets()
-        right_px = self._stereo.match(left, points.pixels, points.contrast, right, points.pixels + offsets)
+        guess = points.pixels + offsets * points.zoom[:, None]
+        right_px = self._stereo.match(left, points.pixels, points.contrast, right, guess)
         is_matched = np.isfinite(right_px[:, 0])
         # A bad pair: what was matched before is not any more; the tracks go back to the pair before.
         if points.has_anchor and is_matched.sum() < _MATCHED_SHARE * np.isfinite(offsets[:, 0]).sum():
@@ -110,9 +114,11 @@ class FeatureMatcher:
             right_px = NO_PIXELS
         points.accept()
         # Few points are left: this picture is the new anchor, with new corners in empty cells.
-        if not points.has_anchor or self._is_poor or len(points.ids) < self._options.keep_share * points.anchored:
+        is_due = not points.has_anchor or self._is_poor or points.is_surprised
+        if is_due or len(points.ids) < self._options.keep_share * points.anchored:
             right_px = self._anchor(left, right, right_px)
         self._offset_ids, self._offset_px = points.ids, right_px - points.pixels
+        self._guess.learn(t_s, points.ids, points.pixels, right_px)
         self._t_s = t_s
         self._is_poor = int(np.isfinite(right_px[:, 0]).sum()) < _FEW
         if self._is_poor:
@@ -157,6 +163,24 @@ class FeatureMatcher:
         is_new = np.isfinite(new_right[:, 0])
         self._points.anchor(left, new_px[is_new])
         return np.concatenate([right_px[is_kept], new_right[is_new]])
+
+
+class _Guide:
+    """Where the points of the last pair may be in a picture."""
+
+    def __init__(self, guess: RigidGuess, t_s: float) -> None:
+        self._guess, self._t_s = guess, t_s
+
+    def expected(self) -> tuple[Pixels, Pixels] | None:
+        """By the motion so far."""
+        motion = self._guess.ahead(self._t_s)
+        return None if motion is None else self._guess.places(motion)
+
+    def searched(self, picture: Picture, anchor: Picture, anchor_px: Pixels) -> tuple[Pixels, Pixels] | None:
+        """By a search in all of the picture for what the anchor shows at the points."""
+        which, pixels = match_patches(anchor, anchor_px, picture)
+        motion = self._guess.by_matches(which, pixels)
+        return None if motion is None else self._guess.places(motion)
 
 
 def _nothing(t_s: float, reason: str) -> FeatureSet:

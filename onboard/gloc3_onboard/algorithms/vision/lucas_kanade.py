@@ -12,6 +12,8 @@ from gloc3_onboard.algorithms.vision.picture import Picture
 _ITERATIONS: Final = 15
 _PRECISION_PX: Final = 0.01
 _GREY: Final = 128.0
+_ZOOMS: Final = (0.64, 0.8, 1.0, 1.25, 1.5625)
+"""Sizes in which patches are tracked that look larger or smaller than they did."""
 
 
 class PatchTracker:
@@ -68,4 +70,39 @@ class PatchTracker:
         height, width = into.shape
         is_good = (status.ravel() == 1) & (error.ravel() < self._error_max * contrast) & np.isfinite(found).all(axis=1)
         is_good &= (found >= 1.0).all(axis=1) & (found[:, 0] <= width - 2.0) & (found[:, 1] <= height - 2.0)
+        return found, is_good
+
+    def find_zoomed(
+        self, of: Picture, points: Pixels, contrast: Pixels, into: Picture, guess: Pixels, levels: int, zoom: Pixels
+    ) -> tuple[Pixels, NDArray[np.bool_]]:
+        """The same for patches that look larger or smaller in the other picture.
+
+        Args:
+            of: the picture of the points.
+            points: centres of the patches, (n, 2).
+            contrast: contrast of the patches, (n,).
+            into: the other picture.
+            guess: initial positions; not-a-number for points that are not looked for.
+            levels: pyramid levels.
+            zoom: how much larger the patches are expected to look, (n,).
+        """
+        cv2 = self._cv2
+        steps = np.log(np.array(_ZOOMS))
+        nearest = np.abs(np.log(np.maximum(zoom, 1e-3))[:, None] - steps).argmin(axis=1)
+        found, is_good = points.copy(), np.zeros(len(points), bool)
+        height, width = of.shape
+        middle = np.array([(width - 1.0) / 2.0, (height - 1.0) / 2.0])
+        is_wanted = np.isfinite(guess).all(axis=1)
+        for step, size in enumerate(_ZOOMS):
+            which = np.flatnonzero(is_wanted & (nearest == step))
+            if len(which) == 0:
+                continue
+            # Enlarged about the middle, points end near to where a camera that drives ahead sees them.
+            away = (1.0 - size) * middle
+            resized, places = of, points[which]
+            if size != 1.0:
+                change = np.array([[size, 0.0, away[0]], [0.0, size, away[1]]])
+                resized = cv2.warpAffine(of, change, (width, height), borderMode=cv2.BORDER_REPLICATE)
+                places = (places * size + away).astype(np.float32)
+            found[which], is_good[which] = self.find(resized, places, contrast[which], into, guess[which], levels)
         return found, is_good

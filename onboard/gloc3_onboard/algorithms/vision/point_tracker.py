@@ -1,6 +1,7 @@
 """Point tracking from picture to picture of one camera, with lasting ids."""
 
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,39 @@ _BACK_MAX_PX: Final = 1.0
 _NEAR_LEVELS: Final = 1
 _NEAR_SHARE: Final = 0.7
 """Share of points found at their predicted position below which the search is widened."""
+_SURPRISE_PX: Final = 2.0
+_SURPRISED_SHARE: Final = 0.8
+"""With less than this share of points so near to where they were headed for, they do not move evenly."""
+
+
+class PointGuide(Protocol):
+    """Tells where the points may be. Each answer is the places (n, 2) and the sizes they appear in (n,), or None."""
+
+    def expected(self) -> tuple[Pixels, Pixels] | None:
+        """By the motion so far."""
+
+    def searched(self, picture: Picture, anchor: Picture, anchor_px: Pixels) -> tuple[Pixels, Pixels] | None:
+        """By a search in all of the picture for what the anchor shows at the points."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Where the points were found."""
+
+    found: Pixels
+    is_good: NDArray[np.bool_]
+    zoom: Pixels
+    inside: int
+    """How many of them can be in the picture."""
+
+    @property
+    def share(self) -> float:
+        """Share of those that can be in the picture."""
+        return float(self.is_good.sum()) / max(1, self.inside)
+
+
+def _count(found: _Found) -> int:
+    return int(found.is_good.sum())
 
 
 class PointTracker:
@@ -54,40 +88,68 @@ class PointTracker:
         """Points that the anchor had."""
         self.contrast: Pixels = NO_PIXELS[:, 0]
         """Of the patches around the points, (n,)."""
+        self.zoom: Pixels = self.contrast
+        """How much larger than in the anchor they were expected to look, (n,)."""
+        self.is_surprised = True
+        """Whether the points did not go on as before."""
         self._anchor: Picture | None = None
         self._anchor_px: Pixels = NO_PIXELS
         self._speed_px_s: Pixels = NO_PIXELS
         self._bad = 0
-        self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s)
+        self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s, self.zoom)
 
     @property
     def has_anchor(self) -> bool:
         """Whether there is a picture to track from."""
         return self._anchor is not None
 
-    def follow(self, picture: Picture, after_s: float) -> str:
+    def follow(self, picture: Picture, after_s: float, guide: PointGuide | None = None) -> str:
         """Tracks the points into a picture taken some time after the last one; returns why it could not.
 
         After some pictures in a row in which they are not found, there is no anchor any more, and no complaint.
+
+        Args:
+            picture: the picture.
+            after_s: time since the last one.
+            guide: where the points may be if they do not go on as they did.
         """
         assert self._anchor is not None
-        headed_for = (self.pixels + self._speed_px_s * np.float32(after_s)).astype(np.float32)
-        start, contrast = self._anchor_px, self.contrast
-        found, is_good = self._patches.find(self._anchor, start, contrast, picture, headed_for, _NEAR_LEVELS)
-        if is_good.sum() < _NEAR_SHARE * len(found):
+        by_speed = (self.pixels + self._speed_px_s * np.float32(after_s)).astype(np.float32)
+        one = np.ones(len(by_speed), np.float32)
+        tried = guide.expected() if guide is not None and self.is_surprised else None
+        best = self._find(picture, *(tried or (by_speed, one)))
+        if best.share < _NEAR_SHARE:
             found, is_good = self._search_wide(picture)
-        count = int(is_good.sum())
-        if count < max(_FEW, self._least_share * len(found)):
-            return self._report_fault(f"only {count} of {len(found)} points are seen again")
-        self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s)
-        self._speed_px_s = ((found - self.pixels) / np.float32(after_s)).astype(np.float32)
-        self.pixels = found
-        self.select(is_good)
+            best = max(best, _Found(found, is_good, one, len(one)), key=_count)
+        if best.share < _NEAR_SHARE and guide is not None:
+            tried = guide.searched(picture, self._anchor, self._anchor_px)
+            best = best if tried is None else max(best, self._find(picture, *tried), key=_count)
+        count = _count(best)
+        if count < _FEW or best.share < self._least_share:
+            return self._report_fault(f"only {count} of {len(best.found)} points are seen again")
+        off_px = np.abs(best.found - by_speed)[best.is_good].max(axis=1)
+        self.is_surprised = float(np.quantile(off_px, _SURPRISED_SHARE)) > _SURPRISE_PX
+        self._before = (self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s, self.zoom)
+        self._speed_px_s = ((best.found - self.pixels) / np.float32(after_s)).astype(np.float32)
+        self.pixels, self.zoom = best.found, best.zoom
+        self.select(best.is_good)
         return ""
+
+    def _find(self, picture: Picture, guess: Pixels, zoom: Pixels) -> "_Found":
+        """Looks for the points near a guess."""
+        assert self._anchor is not None
+        start, contrast, patches = self._anchor_px, self.contrast, self._patches
+        if (zoom == 1.0).all():
+            found, is_good = patches.find(self._anchor, start, contrast, picture, guess, _NEAR_LEVELS)
+        else:
+            found, is_good = patches.find_zoomed(self._anchor, start, contrast, picture, guess, _NEAR_LEVELS, zoom)
+        height, width = picture.shape
+        is_inside = (guess >= 0.0).all(axis=1) & (guess[:, 0] < width) & (guess[:, 1] < height)
+        return _Found(found, is_good, zoom, int(is_inside.sum()))
 
     def undo(self, reason: str) -> str:
         """Undoes the last `follow`, as the picture proved to be a bad one; returns why, as that does."""
-        self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s = self._before
+        self.ids, self.pixels, self.contrast, self._anchor_px, self._speed_px_s, self.zoom = self._before
         return self._report_fault(reason)
 
     def accept(self) -> None:
@@ -114,6 +176,7 @@ class PointTracker:
         """Drops all other points."""
         self.ids, self.pixels, self._anchor_px = self.ids[which], self.pixels[which], self._anchor_px[which]
         self.contrast, self._speed_px_s = self.contrast[which], self._speed_px_s[which]
+        self.zoom = self.zoom[which]
 
     def candidates(self, picture: Picture) -> Pixels:
         """Points that could be added, (m, 2)."""
@@ -128,4 +191,5 @@ class PointTracker:
         self.ids = np.concatenate([self.ids, ids])
         self.pixels = np.concatenate([self.pixels, added]).astype(np.float32)
         self.contrast = self._patches.contrast(picture, self.pixels)
+        self.zoom = np.ones(len(self.ids), np.float32)
         self._anchor, self._anchor_px, self.anchored = picture, self.pixels, len(self.ids)

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.camera.geometry import Array
+from gloc3.camera.opencv import load_opencv
 
+_SEED: Final = 7
 _ROUNDS: Final = 12
 _STEP_MIN: Final = 1e-2
 """Of the estimate's own standard deviation, squared: a step that is less is the last one."""
@@ -23,6 +25,11 @@ _WIDE: Final = 4.0
 """The same in medians of all: a bad first guess must not make outliers of all points."""
 _INLIER: Final = 11.3
 """99 % of the squared residuals of three measurements are below it."""
+_MIDDLE: Final = 2.37
+"""Half of the squared residuals of three measurements are below it."""
+LARGEST_NOISE: Final = 16.0
+"""Most that the measurements' variance may be larger than assumed."""
+_OFFSET: Final = np.array([0.0, 0.0, 1.0])[:, None, None]
 _BEHIND: Final = 0.05
 """Of a point's depth before: nearer than that share is held to be behind the camera."""
 
@@ -38,6 +45,8 @@ class Points:
     """Their variances, 1/m2."""
     seen: Array
     """In the second view: ray right, ray down, disparity, (n, 3); the disparity not-a-number where it has none."""
+    offset_share: Array | None = None
+    """How much of an offset of the disparities is in the inverse depths, 0 to 1, (n,); None for all of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +55,10 @@ class PoseFitNoise:
 
     ray: float
     disparity: float
+    offset: float = 0.0
+    """Of an unknown constant in all disparities; 0 if there is none."""
+    largest: float = LARGEST_NOISE
+    """Most that the measurements' variance is held to be larger than by the above; 1 or more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,10 +73,15 @@ class PoseFit:
     is_inlier: NDArray[np.bool_]
     squares: Array
     """Squared residuals over their variance, (n,)."""
+    noise: float
+    """Variance of the measurements over the assumed one, by the residuals; 1 at least."""
     inverse_m: Array
     """Inverse depths in the first view, by both views."""
     inverse_variance: Array
     has_converged: bool
+    offset: float = 0.0
+    """The constant in all disparities that fits best, in units of rays."""
+    offset_variance: float = 0.0
 
 
 def fit_pose(
@@ -77,10 +95,18 @@ def fit_pose(
     weights = np.where(np.isfinite(given), known[:, None], 0.0)
     given = np.nan_to_num(given)
     inverse, p, r = prior.copy(), position_m.copy(), rotation.copy()
-    has_converged = False
+    has_converged, offset = False, 0.0
+    # With an offset e of the disparities, d = b w' + e: a seventh unknown, also in the depths that were triangulated.
+    has_offset = noise.offset > 0.0
+    in_depth = np.zeros(len(prior))
+    if has_offset:
+        in_depth = (1.0 if points.offset_share is None else points.offset_share) / baseline_m + in_depth
     for _ in range(_ROUNDS):
         residual, j_pose, j_depth, is_ahead = _linearize(ray3, inverse, baseline_m, p, r, given)
-        drift = inverse - prior
+        if has_offset:
+            residual[2] += offset
+            j_pose = np.concatenate([j_pose, np.broadcast_to(_OFFSET, (3, len(ray3), 1))], axis=2)
+        drift = inverse - prior + in_depth * offset
         squares = np.where(is_ahead, (weights * residual * residual).sum(axis=0) + drift * drift / variance, 1e6)
         gate = max(_GATE, _WIDE * float(np.median(squares)))
         # Geman-McClure weights (c / (c + r^2))^2, r^2 over the variance, the depth's own prior included.
@@ -90,11 +116,19 @@ def fit_pose(
         own = (wj_depth * j_depth).sum(axis=0) + robust / variance + 1e-12
         cross = (wj_depth[:, :, None] * j_pose).sum(axis=0)
         pull = (wj_depth * residual).sum(axis=0) + robust * drift / variance
-        wj_pose = (w[:, :, None] * j_pose).reshape(-1, 6)
+        if has_offset:
+            cross[:, 6] += robust / variance * in_depth
+        unknowns = cross.shape[1]
+        wj_pose = (w[:, :, None] * j_pose).reshape(-1, unknowns)
         # Schur complement: A - B D^-1 B^T, D the depths' diagonal block (Triggs et al., Bundle adjustment, 2000, 6.1).
         share = cross / own[:, None]
-        information = j_pose.reshape(-1, 6).T @ wj_pose - share.T @ cross
-        gradient = wj_pose.T @ residual.reshape(-1) - share.T @ pull
+        information = j_pose.reshape(-1, unknowns).T @ wj_pose
+        gradient = wj_pose.T @ residual.reshape(-1)
+        if has_offset:
+            information[6, 6] += (robust / variance) @ in_depth**2 + noise.offset**-2
+            gradient[6] += (robust / variance * in_depth) @ drift + offset * noise.offset**-2
+        information = information - share.T @ cross
+        gradient = gradient - share.T @ pull
         inverted = _inverse(information)
         if inverted is None:
             return None
@@ -103,20 +137,25 @@ def fit_pose(
         step = -(covariance @ gradient)
         inverse = np.maximum(inverse - (pull + cross @ step) / own, 1e-4)
         p = p + step[:3]
-        r = _straight(r @ rotation_of(step[3:]))
+        r = _straight(r @ rotation_of(step[3:6]))
+        offset += float(step[6]) if has_offset else 0.0
         # Converged: g^T A^-1 g, the squared step in its own standard deviations, is small.
         if -float(gradient @ step) < _STEP_MIN:
             has_converged = True
             break
+    spread = float(np.clip(np.median(squares) / _MIDDLE, 1.0, noise.largest))
     return PoseFit(
         position_m=p,
         rotation=r,
-        covariance=covariance,
-        is_inlier=squares < _INLIER,
+        covariance=covariance[:6, :6],
+        is_inlier=squares < _INLIER * spread,
         squares=squares,
+        noise=spread,
         inverse_m=inverse,
         inverse_variance=1.0 / own + ((share @ covariance) * share).sum(axis=1),
         has_converged=has_converged,
+        offset=offset,
+        offset_variance=float(covariance[6, 6]) if has_offset else 0.0,
     )
 
 
@@ -159,6 +198,41 @@ def rotation_of(vector_rad: Array) -> Array:
         return np.asarray(np.eye(3) + cross)
     turned: Array = np.eye(3) + np.sin(angle) / angle * cross + (1.0 - np.cos(angle)) / angle**2 * (cross @ cross)
     return turned
+
+
+def vector_of(rotation: Array) -> Array:
+    """The rotation vector of a matrix, for angles well below half a turn."""
+    sine = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+    length = float(np.linalg.norm(sine)) / 2.0
+    angle = float(np.arctan2(length, (np.trace(rotation) - 1.0) / 2.0))
+    vector: Array = sine / 2.0 * (angle / length if length > 1e-9 else 1.0)
+    return vector
+
+
+def pose_by_three_points(points: Points, tolerance: float) -> tuple[Array, Array] | None:
+    """A pose by three points at a time (Ke and Roumeliotis, CVPR 2017), for when there is no guess.
+
+    Args:
+        points: the points; their disparities in the second view are not used.
+        tolerance: greatest error of an inlier, in units of rays.
+    """
+    cv2 = load_opencv()
+    depth = 1.0 / points.inverse_m
+    places = np.column_stack([points.rays * depth[:, None], depth])
+    cv2.setRNGSeed(_SEED)
+    is_found, turn, shift, _ = cv2.solvePnPRansac(
+        places,
+        np.ascontiguousarray(points.seen[:, :2]),
+        np.eye(3),
+        None,
+        iterationsCount=300,
+        reprojectionError=tolerance,
+        flags=cv2.SOLVEPNP_AP3P,
+    )
+    if not is_found or not (np.isfinite(turn).all() and np.isfinite(shift).all()):
+        return None
+    rotation: Array = cv2.Rodrigues(turn)[0].T
+    return -(rotation @ shift.ravel()), rotation
 
 
 def _straight(rotation: Array) -> Array:

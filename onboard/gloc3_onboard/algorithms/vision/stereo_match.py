@@ -19,6 +19,8 @@ _SECOND_MAX: Final = 0.9
 """Similarity of the second best match, relative to the best, above which a match is ambiguous."""
 _FEW: Final = 8
 _EPIPOLAR_MAX_PX: Final = 1.2
+_ROW_GAIN: Final = 0.3
+"""Share of a new measurement in the mean distance of matches from their line."""
 _DISPARITY_MIN_PX: Final = 0.3
 
 
@@ -38,6 +40,7 @@ class StereoMatcher:
         most_px = rig.baseline_m / nearest_m * rig.focal_px
         self._steps = np.arange(0.0, most_px + _COARSE, _COARSE) / rig.focal_px
         self._off_px: Any = np.zeros(0)
+        self._row_px = 0.0
 
     def problem(self) -> str:
         """Why the last matches contradict the calibration; empty if they do not."""
@@ -49,6 +52,12 @@ class StereoMatcher:
             return ""
         return f"the calibration does not fit: matches are {abs(off_px):.1f} pixels off the line that it says"
 
+    def _learn_row(self) -> None:
+        """Learns how far all matches are off their line, as far as a calibration may be wrong."""
+        if len(self._off_px) >= _FEW:
+            off_px = float(np.clip(np.median(self._off_px), -_EPIPOLAR_MAX_PX, _EPIPOLAR_MAX_PX))
+            self._row_px += _ROW_GAIN * (off_px - self._row_px)
+
     def match(self, left: Picture, points: Pixels, contrast: Pixels, right: Picture, guess: Pixels) -> Pixels:
         """Matches in the right picture, (n, 2), from a guess; not-a-number for points without a match."""
         found, is_good = self._tracker.find(left, points, contrast, right, np.nan_to_num(guess, nan=-100.0), 1)
@@ -56,7 +65,8 @@ class StereoMatcher:
         away_px = (rays - other) * self._rig.focal_px
         # Epipolar gate: the same rectified row, and a positive disparity.
         self._off_px = away_px[is_good, 1]
-        is_good &= (np.abs(away_px[:, 1]) < _EPIPOLAR_MAX_PX) & (away_px[:, 0] > _DISPARITY_MIN_PX)
+        self._learn_row()
+        is_good &= (np.abs(away_px[:, 1] - self._row_px) < _EPIPOLAR_MAX_PX) & (away_px[:, 0] > _DISPARITY_MIN_PX)
         found[~is_good] = np.nan
         return found
 

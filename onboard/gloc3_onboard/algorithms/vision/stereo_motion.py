@@ -1,16 +1,23 @@
 """Motion of a stereo camera from matched points, relative to a key frame that lasts while enough of it is seen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.camera.geometry import Array
-from gloc3.camera.opencv import load_opencv
 from gloc3.messages.perception import UNKNOWN_VARIANCE
 from gloc3_onboard.algorithms.vision.features import TURNED_BACK_AFTER, FeatureSet
-from gloc3_onboard.algorithms.vision.pose_fit import Points, PoseFit, PoseFitNoise, fit_pose
+from gloc3_onboard.algorithms.vision.pose_fit import (
+    LARGEST_NOISE,
+    Points,
+    PoseFit,
+    PoseFitNoise,
+    fit_pose,
+    pose_by_three_points,
+    vector_of,
+)
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
 _LEAST_POINTS: Final = 12
@@ -19,9 +26,25 @@ _LEAST_SHARE: Final = 0.5
 _SURE_SHARE: Final = 0.8
 _RIVAL_SHARE: Final = 0.6
 """Share of the other points consistent with a second motion that makes less than the above ambiguous."""
+_NOISE_MARGIN: Final = 2.0
+_NOISE_LEAST: Final = 2.0
+_NOISE_GROWTH: Final = 1.3
+_NOISE_GAIN: Final = 0.5
+"""The noise of the measurements is learnt, and a single picture may not have much more: else a torn one passes."""
+_ALIKE: Final = 5.0
+"""How many times less the points say of such a constant than if their errors were independent."""
+_OFFSET_DRIFT_PX: Final = 0.006
+"""How much the constant in the disparities may change from key frame to key frame, less by the same factor."""
+_OFFSET_MAX: Final = 2.0
+"""Largest such constant, in standard deviations of the calibration's errors."""
+_OFF_SHARE: Final = 0.3
+"""Share of the points' distance that counts where their directions are off."""
+_TURN_MAX_RAD_S2: Final = 40.0
+"""A turn that would have taken more is not believed."""
+_ODD_SHARE: Final = 0.3
+"""Distance from where the motion led, as a share of its step, above which a second motion is looked for."""
 _LASTING_S: Final = 0.5
 """Time without a motion after which the key frame is dropped, s."""
-_SEED: Final = 7
 _SHARED: Final = 1.1
 _OWN: Final = 1.5
 """What the covariance is multiplied by: a part for errors that neighbouring points share, and one for residuals that are
@@ -38,6 +61,9 @@ class MotionOptions:
     """Standard deviation of where a point is found again, in pixels."""
     disparity_px: float = 0.15
     """The same of its disparity."""
+    calibration_px: float = 0.0
+    """Standard deviation of the calibration's errors, in pixels: what all points share. With 0 it is held to be exact;
+    else a constant in the disparities is estimated, and the covariance is wider."""
     key_share: float = 0.5
     """With less of the key frame's points in use, there is a new one."""
     key_depth: float = 0.3
@@ -78,6 +104,8 @@ class _Key:
     rays: Array
     inverse_m: Array
     inverse_variance: Array
+    offset_share: Array
+    """How much of an offset of the disparities is in the inverse depths, (n,)."""
     used: int
 
 
@@ -85,12 +113,15 @@ class StereoMotion:
     """Estimates the motion of a stereo pair from features; holds the key frame."""
 
     def __init__(self, rig: StereoRig, options: MotionOptions | None = None) -> None:
-        self._cv2 = load_opencv()
         self._rig = rig
         self._options = options or MotionOptions()
         self._noise = PoseFitNoise(
-            ray=self._options.ray_px / rig.focal_px, disparity=self._options.disparity_px / rig.focal_px
+            ray=self._options.ray_px / rig.focal_px,
+            disparity=self._options.disparity_px / rig.focal_px,
+            offset=self._options.calibration_px / _ALIKE / rig.focal_px,
         )
+        self._offset = 0.0
+        self._level = LARGEST_NOISE
         self.reset()
 
     def reset(self) -> None:
@@ -117,7 +148,7 @@ class StereoMotion:
             self.reset()
         self._turned_back = 0
         left, right = self._rig.left_rays(features.pixels), self._rig.right_rays(features.right_pixels)
-        seen = np.column_stack([left, left[:, 0] - right[:, 0]])
+        seen = np.column_stack([left, left[:, 0] - right[:, 0] - self._offset])
         key = self._key
         if key is None or t_s - self._good_s > _LASTING_S or features.ids[0] > key.ids[-1]:
             return self._begin(features, seen)
@@ -129,16 +160,22 @@ class StereoMotion:
             inverse_m=key.inverse_m[of_key],
             inverse_variance=key.inverse_variance[of_key],
             seen=seen[of_now],
+            offset_share=key.offset_share[of_key],
         )
+        self._noise = replace(self._noise, largest=min(max(_NOISE_MARGIN * self._level, _NOISE_LEAST), LARGEST_NOISE))
         fit = self._fit(points, t_s)
         reason = self._distrust(fit, points, t_s)
         if fit is None or reason:
+            self._level *= _NOISE_GROWTH
             return self._lost(t_s, reason)
         self._apply_fit(fit, t_s)
+        self._level += _NOISE_GAIN * (fit.noise - self._level)
         count = int(fit.is_inlier.sum())
         motion = self._motion(fit, t_s, count)
         key.inverse_m[of_key[fit.is_inlier]] = fit.inverse_m[fit.is_inlier]
         key.inverse_variance[of_key[fit.is_inlier]] = self._floored(fit.inverse_variance[fit.is_inlier])
+        raw = (self._noise.disparity / self._rig.baseline_m) ** 2
+        key.offset_share[of_key] = np.minimum(key.inverse_variance[of_key] / raw, 1.0)
         moved = float(np.linalg.norm(fit.position_m)) * float(np.median(points.inverse_m))
         if count < self._options.key_share * key.used or moved > self._options.key_depth:
             self._renew(features, seen, fit, of_key, of_now)
@@ -167,6 +204,7 @@ class StereoMotion:
             rays=seen[is_placed, :2],
             inverse_m=np.maximum(seen[is_placed, 2] / base, 1e-4),
             inverse_variance=np.full(int(is_placed.sum()), (self._noise.disparity / base) ** 2),
+            offset_share=np.ones(int(is_placed.sum())),
             used=int(is_placed.sum()),
         )
         self._position, self._rotation = np.zeros(3), np.eye(3)
@@ -186,6 +224,7 @@ class StereoMotion:
         # Transfer depths: w' = w / z, z = r_3 . (ray - w p); dw'/dw is about 1 / z^2.
         inverse = fit.inverse_m / ahead
         variance = self._floored(fit.inverse_variance / ahead**4)
+        seen = seen - np.array([0.0, 0.0, self._learn_offset(fit)])
         self._set_key(features, seen, is_placed)
         new = self._key
         assert new is not None
@@ -194,7 +233,20 @@ class StereoMotion:
         to = place[of_now[is_carried]]
         new.inverse_m[to] = inverse[is_carried]
         new.inverse_variance[to] = np.minimum(variance[is_carried], new.inverse_variance[to])
+        raw = (self._noise.disparity / self._rig.baseline_m) ** 2
+        new.offset_share[to] = np.minimum(new.inverse_variance[to] / raw, 1.0)
         self._speed_m_s = speed
+
+    def _learn_offset(self, fit: PoseFit) -> float:
+        """Takes in what a key frame says of the constant in the disparities; returns by how much it changes."""
+        if self._noise.offset == 0.0:
+            return 0.0
+        drift = _OFFSET_DRIFT_PX / self._rig.focal_px
+        std = float(np.sqrt(fit.offset_variance + drift**2))
+        self._noise = replace(self._noise, offset=std)
+        most = _OFFSET_MAX * self._options.calibration_px / self._rig.focal_px
+        before, self._offset = self._offset, float(np.clip(self._offset + fit.offset, -most, most))
+        return self._offset - before
 
     def _predicted(self, t_s: float) -> tuple[Array, Array]:
         """Predicted pose of the camera for unchanged motion."""
@@ -208,33 +260,13 @@ class StereoMotion:
         fit = fit_pose(points, self._rig.baseline_m, self._noise, *self._predicted(t_s))
         if fit is not None and fit.is_inlier.mean() >= 0.6:
             return fit
-        start = self._by_three_points(points)
+        start = pose_by_three_points(points, 3.0 / self._rig.focal_px)
         if start is None:
             return fit
         other = fit_pose(points, self._rig.baseline_m, self._noise, *start)
         if fit is None or (other is not None and other.is_inlier.sum() > fit.is_inlier.sum()):
             return other
         return fit
-
-    def _by_three_points(self, points: Points) -> tuple[Array, Array] | None:
-        """A pose by three points at a time (Ke and Roumeliotis, CVPR 2017), for when the guess was bad."""
-        cv2 = self._cv2
-        depth = 1.0 / points.inverse_m
-        places = np.column_stack([points.rays * depth[:, None], depth])
-        cv2.setRNGSeed(_SEED)
-        is_found, turn, shift, _ = cv2.solvePnPRansac(
-            places,
-            np.ascontiguousarray(points.seen[:, :2]),
-            np.eye(3),
-            None,
-            iterationsCount=100,
-            reprojectionError=3.0 / self._rig.focal_px,
-            flags=cv2.SOLVEPNP_AP3P,
-        )
-        if not is_found or not (np.isfinite(turn).all() and np.isfinite(shift).all()):
-            return None
-        rotation: Array = cv2.Rodrigues(turn)[0].T
-        return -(rotation @ shift.ravel()), rotation
 
     def _distrust(self, fit: PoseFit | None, points: Points, t_s: float) -> str:
         if fit is None:
@@ -249,10 +281,15 @@ class StereoMotion:
         if self._turn_s == 0.0:  # nothing is known yet of how it moves
             return ""
         # Gate: an acceleration a between two steps changes the place by a dt^2 from the predicted one.
-        jump_m = float(np.linalg.norm(fit.position_m - self._predicted(t_s)[0]))
+        predicted = self._predicted(t_s)[0]
+        jump_m = float(np.linalg.norm(fit.position_m - predicted))
         if jump_m > self._options.acceleration_max_m_s2 * (t_s - self._last_s) ** 2 + 5.0 * std_m:
             return f"a jump of {jump_m:.2f} m"
-        if share < _SURE_SHARE and self._is_rivalled(fit, points, t_s, jump_m):
+        turned = float(np.linalg.norm(vector_of(self._predicted(t_s)[1].T @ fit.rotation)))
+        if turned > _TURN_MAX_RAD_S2 * (t_s - self._last_s) ** 2:
+            return f"a jump of {np.degrees(turned):.0f} degrees by which too few points agree"
+        is_odd = jump_m > _ODD_SHARE * float(np.linalg.norm(predicted - self._position))
+        if share < _SURE_SHARE and is_odd and self._is_rivalled(fit, points, t_s, jump_m):
             return "the points fit two motions"
         return ""
 
@@ -269,6 +306,7 @@ class StereoMotion:
             inverse_m=points.inverse_m[rest],
             inverse_variance=points.inverse_variance[rest],
             seen=points.seen[rest],
+            offset_share=points.offset_share[rest] if points.offset_share is not None else None,
         )
         rival = fit_pose(others, self._rig.baseline_m, self._noise, *self._predicted(t_s))
         if rival is None or float(rival.is_inlier.mean()) < _RIVAL_SHARE:
@@ -298,7 +336,8 @@ class StereoMotion:
         change[:3, 3:] = rotation @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ turn
         change[3:, 3:] = turn
         scale = _SHARED + float(np.median(fit.squares)) * _OWN
-        covariance = change @ (fit.covariance * scale) @ change.T
+        own = fit.covariance * scale + self._of_calibration(fit)
+        covariance = change @ own @ change.T
         share = float(fit.is_inlier.mean())
         return KeyFrameMotion(
             t_s=t_s,
@@ -310,6 +349,16 @@ class StereoMotion:
             points=count,
             is_valid=True,
         )
+
+    def _of_calibration(self, fit: PoseFit) -> Array:
+        """What errors of the calibration add to the covariance of the camera's motion, (6, 6)."""
+        off = self._options.calibration_px / self._rig.focal_px
+        inverse_m = float(np.median(fit.inverse_m))
+        added = np.diag([(_OFF_SHARE * off / inverse_m) ** 2] * 3 + [off**2] * 3)
+        # A constant in the disparities changes all depths, and with them the motion, by the same share.
+        share = off / (self._rig.baseline_m * inverse_m)
+        added[:3, :3] += share**2 * np.outer(fit.position_m, fit.position_m)
+        return added
 
     def _lost(self, t_s: float, reason: str) -> KeyFrameMotion:
         return KeyFrameMotion(

@@ -25,6 +25,9 @@ class StereoOdometrySettings(Settings, frozen=True):
     """Standard deviation of where a feature is found again, in pixels."""
     disparity_px: Annotated[float, Bounds(0.01, 5.0)] = 0.15
     """The same of its disparity."""
+    calibration_px: Annotated[float, Bounds(0.0, 5.0)] = 0.0
+    """Standard deviation of what the calibration is off by, in pixels; above 0 a constant in the disparities is
+    estimated in flight, and the covariance is wider."""
     std_max_m: Annotated[float, Bounds(0.001, 10.0)] = 0.1
     """With a standard deviation above it, in metres, a motion is not valid."""
     acceleration_max_m_s2: Annotated[float, Bounds(1.0, 1000.0)] = 20.0
@@ -60,6 +63,7 @@ class StereoOdometryProcessor(DataProcessor[StereoOdometrySettings]):
         options = MotionOptions(
             ray_px=given.ray_px,
             disparity_px=given.disparity_px,
+            calibration_px=given.calibration_px,
             std_max_m=given.std_max_m,
             acceleration_max_m_s2=given.acceleration_max_m_s2,
         )

@@ -1,5 +1,7 @@
 """The rig and the fit of a pose, without pictures."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
@@ -107,3 +109,23 @@ def test_points_that_tell_nothing_have_no_motion() -> None:
     points, _, _ = scene(3, count=1)
     fit = fit_pose(points, BASE_M, NOISE, np.zeros(3), np.eye(3))
     assert fit is None or np.sqrt(np.trace(fit.covariance[:3, :3])) > 1.0
+
+
+def test_a_constant_in_all_disparities_is_found_by_a_drive_ahead() -> None:
+    random, offset = np.random.default_rng(3), 4e-3
+    rays, inverse_m = random.uniform(-0.5, 0.5, (150, 2)), random.uniform(0.03, 0.5, 150)
+    moved = np.column_stack([rays, np.ones(150)]) - inverse_m[:, None] * np.array([0.0, 0.0, 0.8])
+    seen = np.column_stack([moved[:, :2] / moved[:, 2:], BASE_M * inverse_m / moved[:, 2] + offset])
+    points = Points(
+        rays=rays,
+        inverse_m=inverse_m + offset / BASE_M,
+        inverse_variance=np.full(150, (NOISE.disparity / BASE_M) ** 2),
+        seen=seen + random.normal(0.0, 1e-4, seen.shape),
+    )
+    exact = fit_pose(points, BASE_M, NOISE, np.zeros(3), np.eye(3))
+    learning = fit_pose(points, BASE_M, replace(NOISE, offset=5e-3), np.zeros(3), np.eye(3))
+    assert exact is not None
+    assert learning is not None
+    assert exact.position_m[2] < 0.77
+    assert learning.position_m[2] == pytest.approx(0.8, abs=0.02)
+    assert learning.offset == pytest.approx(offset, rel=0.1)

@@ -12,7 +12,7 @@ from gloc3.messages.perception import UNKNOWN_VARIANCE
 from gloc3_onboard.algorithms.odometry.chain import OdometryChain
 from gloc3_onboard.algorithms.vision.features import FeatureMatcher, MatcherOptions
 from gloc3_onboard.algorithms.vision.picture import Picture
-from gloc3_onboard.algorithms.vision.stereo_motion import BEGUN, KeyFrameMotion
+from gloc3_onboard.algorithms.vision.stereo_motion import BEGUN, KeyFrameMotion, MotionOptions
 from gloc3_onboard.algorithms.vision.stereo_odometry import StereoOdometer
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
 
@@ -61,7 +61,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "noise": (lambda left, right: (hiss(1), hiss(2)), "points"),
     "another scene": (lambda left, right: (left[::-1].copy(), right[::-1].copy()), "points"),
     "other pair": (lambda left, right: (left, poll(0.0, down_m=1.0)[1]), "does not show what"),
-    "torn": (lambda left, right: (torn(left), torn(right)), "points"),
+    "torn": (lambda left, right: (torn(left), torn(right)), "a jump"),
 }
 
 
@@ -157,3 +157,12 @@ def test_nothing_is_ever_not_a_number() -> None:
         numbers = (motion.position_m, motion.rotation, motion.covariance, motion.quality)
         assert all(np.isfinite(each).all() for each in numbers)
         assert motion.is_valid == (not motion.reason)
+
+
+def test_steps_of_a_fifth_of_the_picture_are_followed_from_the_first_on() -> None:
+    odometer, chain = StereoOdometer(*cameras(), motion=MotionOptions(std_max_m=0.3)), OdometryChain()
+    for n in range(6):
+        motion = odometer.update(*poll(0.6 * n, seed=n), 0.5 * n)
+        place = follow(chain, motion)
+        assert motion.is_valid or n == 0, motion.reason
+    assert place[1] == pytest.approx(3.0, abs=0.05)

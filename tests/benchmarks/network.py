@@ -222,7 +222,7 @@ class Sender:
 
     def __init__(self, stack: ExitStack, where: Places) -> None:
         self._raw = stack.enter_context(
-            zenoh.open(configuration(ZenohEndpoints(name="main", listen=(where.raw,), accepts=("other",))))
+            zenoh.open(configuration(ZenohEndpoints(name="main", listen=(where.raw,), peers=("other",))))
         )
         self._encoder = msgspec.msgpack.Encoder()
         drop, block = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
@@ -237,7 +237,7 @@ class Sender:
         self._publishers: dict[str, Publisher] = {}
         self._windows = {way: Window(most) for way, most in IN_FLIGHT.items()}
         for name, place in zip((OURS, SHARED, ZENOHS, TCP), where[1:], strict=True):
-            exchange = exchange_at(stack, name, ZenohEndpoints(name="main", listen=(place,), accepts=("other",)))
+            exchange = exchange_at(stack, name, ZenohEndpoints(name="main", listen=(place,), peers=("other",)))
             self._publishers[name] = Publisher(exchange, "p", "sender", 1)
             if name in self._windows:
                 exchange.subscribe("p/credit", self._windows[name].see)

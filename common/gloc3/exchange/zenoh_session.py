@@ -61,10 +61,10 @@ class ZenohEndpoints(msgspec.Struct, frozen=True, kw_only=True):
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     """Nodes that need not be there yet, or any more: they are tried again and again."""
-    accepts: tuple[str, ...] = ()
+    peers: tuple[str, ...] = ()
     """The names of the nodes that connect to this one and to others as well; clients and children need no name."""
     client_of: tuple[str, ...] = ()
-    """The node at `connect`, if it is one only, or those of which it is one: it is that node's client. Else it is a peer."""
+    """The name of the one node at `connect`, whose client it is, or the names that it may have; empty for a peer of several."""
     is_child: bool = False
     """It connects to its parent process, which must be there."""
 
@@ -110,7 +110,7 @@ def configuration(node: ZenohEndpoints, extra: Mapping[str, Any] | None = None) 
         node: the process.
         extra: more of Zenoh's settings, by their paths, such as `transport/link/tls/enable_mtls`.
     """
-    regions = [{"region_names": [_region(name)]} for name in node.accepts if name != node.name]
+    regions = [{"region_names": [_region(name)]} for name in node.peers if name != node.name]
     values: dict[str, Any] = {
         "listen/endpoints": node.listen,
         "listen/exit_on_failure": True,

@@ -109,7 +109,7 @@ class Membership(NamedTuple):
             name=file.member,
             listen=(*map(_endpoint, file.listen), *sockets),
             connect=tuple(map(_endpoint, file.connect)),
-            accepts=tuple(below if file.peers is None else file.peers),
+            peers=tuple(name for name in below if file.peers is None or name in file.peers),
             client_of=tuple(file.uplinks) if len(file.uplinks) == 1 else (),
         )
 

@@ -79,7 +79,7 @@ async def zenoh(folder: Path) -> AsyncIterator[Ends]:
     loop, topics = asyncio.get_running_loop(), standard_topics()
     place = (f"{UNIX}/{folder}/z",)
     with (
-        open_exchange(ZenohEndpoints(name="main", listen=place, accepts=("one", "other")), loop, topics),
+        open_exchange(ZenohEndpoints(name="main", listen=place, peers=("one", "other")), loop, topics),
         open_exchange(ZenohEndpoints(name="one", connect=place), loop, topics) as one,
         open_exchange(ZenohEndpoints(name="other", connect=place), loop, topics) as other,
     ):

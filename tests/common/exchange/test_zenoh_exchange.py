@@ -31,7 +31,7 @@ CAMERA = f"{PLATFORM}/camera/front"
 def node(folder: Path, name: str, **entries: Any) -> Iterator[ZenohExchange]:
     """A node of its own, in this process."""
     place = f"{UNIX}/{folder}/z"
-    where = {"listen": (place,), "accepts": ("one", "other")} if name == "main" else {"connect": (place,)}
+    where = {"listen": (place,), "peers": ("one", "other")} if name == "main" else {"connect": (place,)}
     with open_exchange(
         ZenohEndpoints(name=name, **where), asyncio.get_running_loop(), TopicTable.installed(), **entries
     ) as exchange:

@@ -85,7 +85,7 @@ def test_a_router_has_regions_only_for_members_that_connect_to_others_too() -> N
 
     place = "tcp/127.0.0.1:1"
     assert len(regions(ZenohEndpoints(name="root", listen=(place,)))) == 1
-    assert len(regions(ZenohEndpoints(name="root", listen=(place,), accepts=("one", "two")))) == 3
+    assert len(regions(ZenohEndpoints(name="root", listen=(place,), peers=("one", "two")))) == 3
     leaf = ZenohEndpoints(name="leaf", connect=(place,), client_of=("root",))
     assert json.loads(configuration(leaf).get_json("mode")) == "client"
     assert json.loads(configuration(ZenohEndpoints(name="leaf", connect=(place,))).get_json("mode")) == "peer"

@@ -41,12 +41,12 @@ def test_a_network_is_made_by_a_few_commands_and_only_its_own_folder_holds_the_a
         assert read_network(yard / name / NETWORK_FILE, NOW).file.connect == ["192.168.1.10:7447"]
     main = read_network(yard / "pelican.main" / NETWORK_FILE, NOW).node()
     assert (main.listen, main.connect) == (("tls/0.0.0.0:7447",), ())
-    assert main.accepts == ()
+    assert main.peers == ()
     vision = read_network(yard / "pelican.vision" / NETWORK_FILE, NOW).node()
     assert vision.client_of == ("pelican.main",)
     assert network("add", yard, "heron.main", "--role", "platform", "--listen", "192.168.1.11:7447") == 0
     main, alice = (read_network(yard / name / NETWORK_FILE, NOW).node() for name in ("pelican.main", "alice"))
-    assert (sorted(main.accepts), alice.client_of, len(alice.connect)) == (["alice", "bob"], (), 2)
+    assert (sorted(main.peers), alice.client_of, len(alice.connect)) == (["alice", "bob"], (), 2)
     keys = [path for path in yard.rglob("*") if "PRIVATE KEY" in (path.read_text() if path.is_file() else "")]
     assert {path.relative_to(yard).as_posix() for path in keys} == {
         "authority.key",

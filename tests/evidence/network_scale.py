@@ -147,8 +147,8 @@ BARS: Final = (
         "what a vehicle in flight has sent to its stations. Routers are `gloc3 network router`, stations join as ours do. "
         "Bytes are counted by the kernel for each TCP connection, processor time for each process, latency from publishing "
         "to the station's loop, on one computer. How late the 99th percentile of a loop that does nothing was meanwhile is "
-        "beside it: that is the computer's part. Without a router each vehicle is connected to each station: beyond "
-        f"{FLAT_VEHICLES} vehicles that is measured, but no bar is set, and the model is not fitted to it. In a tree vehicles and stations are at different branches, so that messages pass "
+        "beside it: that is the computer's part. Without a router each vehicle is connected to each station: with more than "
+        f"{FLAT_VEHICLES} vehicles that is measured, but has no bar, nor is the model fitted to it. In a tree vehicles and stations are at different branches, so that messages pass "
         "three routers. In the last layout each station watches one vehicle, and gets summaries of regions of the others. The "
         "model is linear; its predictions are no measurements.",
         scale,

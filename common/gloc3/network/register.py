@@ -81,12 +81,14 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         current = self.current()
         return [at for target in self.targets(name) for at in current[target].reached_at or current[target].listen]
 
-    def peers(self, name: str) -> list[str]:
-        """The members that connect to a member, and to others as well; a router connects to one at a time."""
-        targets = {
-            other: self.targets(other) for other, each in self.current().items() if each.role is not MemberRole.ROUTER
-        }
-        return [other for other, its in targets.items() if name in its and len(its) > 1]
+    def peers(self) -> dict[str, list[str]]:
+        """By member, those that connect to it, and to others as well; a router connects to one at a time."""
+        found: dict[str, list[str]] = {}
+        for other, each in self.current().items():
+            targets = self.targets(other) if each.role is not MemberRole.ROUTER else []
+            for name in targets if len(targets) > 1 else ():
+                found.setdefault(name, []).append(other)
+        return found
 
     def targets(self, name: str) -> list[str]:
         """The members to which a member connects.
@@ -345,11 +347,12 @@ def _write(folder: Path, register: Register, signed: datetime | None = None) -> 
         _sign(folder, register, signed)
     text = f"# The members of the network {register.network}. `gloc3 network` writes this file; authority.key stays here.\n"
     _replace(folder / REGISTER, text + dump(msgspec.to_builtins(register)))
-    changed = [
-        name
+    peers = register.peers()
+    files = {
+        name: _network_file(folder, register, name, peers.get(name, []), has_rights=has_rights)
         for name in register.current()
-        if _replace(folder / name / NETWORK_FILE, _network_file(folder, register, name, has_rights=has_rights))
-    ]
+    }
+    changed = [name for name, text in files.items() if _replace(folder / name / NETWORK_FILE, text)]
     return list(dict.fromkeys([*changed, *_copy_list(folder, register), *_copy_rights(folder, register)]))
 
 
@@ -385,7 +388,7 @@ def _copy_rights(folder: Path, register: Register) -> list[str]:
     return [name for name in platforms if _replace(folder / name / RIGHTS_FILE, rights.read_text())]
 
 
-def _network_file(folder: Path, register: Register, name: str, *, has_rights: bool) -> str:
+def _network_file(folder: Path, register: Register, name: str, peers: list[str], *, has_rights: bool) -> str:
     member, own = register.members[name], register.accepted(name)
     others = [register.accepted(other) for other in register.current() if other != name]
     entries = [own, *(other for other in others if grants(own, other))]
@@ -432,7 +435,7 @@ listen: [{", ".join(map(_quoted, member.listen))}]
 connect: [{", ".join(map(_quoted, register.connections(name)))}]
 uplinks: [{", ".join(map(_quoted, register.targets(name)))}]
 # Those that connect to it, and to others as well.
-peers: {_list(register.peers(name))}
+peers: {_list(peers)}
 {_region(register, name)}{rights}{revocations}
 # Who is accepted, in which role, with which certificate; everyone else is refused.
 # `gloc3 network show` shows the permissions. After a change: SIGHUP to the processes that use it.

@@ -305,11 +305,11 @@ async def station(folder: Path, number: int, wanted: int, seconds: float, layout
         late_s.clear()
         await asyncio.sleep(seconds)
         print("measured", flush=True)
-        ordered = sorted(late_s) or [float("inf")]
+        count, ordered = len(late_s), sorted(late_s) or [seconds]  # at least, where nothing came
         await asyncio.sleep(SETTLE_S)  # while its bytes are counted
         report = StationReport(
             found_s=found_s,
-            messages_s=len(ordered) / seconds,
+            messages_s=count / seconds,
             latency_p50_s=ordered[len(ordered) // 2],
             latency_p99_s=ordered[min(len(ordered) - 1, round(0.99 * len(ordered)))],
         )

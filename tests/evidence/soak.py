@@ -3,8 +3,9 @@
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 import msgspec
@@ -23,19 +24,27 @@ MOST_MB_H: Final = 0.5
 MOST_OBJECTS_H: Final = 500.0
 """Objects that are traced, of some 100,000."""
 MOST_HANDLES_H: Final = 0.01
-COURSES: Final = (
-    Course(mission="hop", platform="pelican_rtk", autopilot="px4"),
-    Course(mission="hop", platform="pelican_rtk", autopilot="ardupilot"),
-    Course(mission="survey", platform="boat"),
-    Course(mission="survey", platform="rover"),
-    Course(mission="survey", platform="copter", parameters={"COM_LOW_BAT_ACT": 0.0}),
-    Course(mission="survey", platform="submarine"),
-    Course(mission="survey", platform="auv"),
-    Course(mission="survey", platform="rov"),
-    Course(mission="mapping", platform="plane"),
-    Course(mission="powerline", platform="vtol"),
-)
-PICTURE: Final = "soak.svg"
+GROUPS: Final = {
+    "copters": (
+        Course(mission="hop", platform="pelican_rtk", autopilot="px4"),
+        Course(mission="hop", platform="pelican_rtk", autopilot="ardupilot"),
+        Course(mission="survey", platform="copter", parameters={"COM_LOW_BAT_ACT": 0.0}),
+    ),
+    "wings": (
+        Course(mission="mapping", platform="plane"),
+        Course(mission="powerline", platform="vtol"),
+    ),
+    "surface": (
+        Course(mission="survey", platform="boat"),
+        Course(mission="survey", platform="rover"),
+    ),
+    "under-water": (
+        Course(mission="survey", platform="submarine"),
+        Course(mission="survey", platform="auv"),
+        Course(mission="survey", platform="rov"),
+    ),
+}
+"""A page each, since a platform takes half an hour of processor time."""
 
 
 def run_slice(course: Course, number: int) -> None:
@@ -56,10 +65,18 @@ def slice_of(course: Course, number: int) -> Any:
     )
 
 
-def judge(progress: Progress) -> Sequence[Figure]:
-    """A few figures for each platform."""
+def judge(group: str) -> Callable[[Progress], Sequence[Figure]]:
+    """What gives a few figures for each platform of a group."""
+
+    def run(progress: Progress) -> Sequence[Figure]:
+        return _judge(progress, group)
+
+    return run
+
+
+def _judge(progress: Progress, group: str) -> Sequence[Figure]:
     figures, curves = list[Figure](), dict[str, list[list[Sample]]]()
-    for course in COURSES:
+    for course in GROUPS[group]:
         slices = [
             msgspec.convert(progress.part(f"{course} {number}", partial(slice_of, course, number)), Soaked)
             for number in range(round(HOURS / SLICE_H))
@@ -67,7 +84,7 @@ def judge(progress: Progress) -> Sequence[Figure]:
         figures += _figures(course, slices)
         curves[str(course)] = [one.samples for one in slices]
         progress.report(f"{course}: {sum(one.hours for one in slices):.0f} h")
-    _draw(curves)
+    _draw(curves, PAGES / _picture(group))
     return figures
 
 
@@ -113,9 +130,13 @@ def _figures(course: Course, slices: Sequence[Soaked]) -> list[Figure]:
     ]
 
 
-def _draw(curves: dict[str, list[list[Sample]]]) -> None:
+def _picture(group: str) -> str:
+    return f"soak_{group}.svg"
+
+
+def _draw(curves: dict[str, list[list[Sample]]], file: Path) -> None:
     """Memory and traced objects over the hours, a line for each platform."""
-    with drawing(PAGES / PICTURE, 8.0, 4.2) as figure:
+    with drawing(file, 8.0, 4.2) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
         for name, slices in curves.items():
             hours = [one.t_s / HOUR_S + SLICE_H * number for number, samples in enumerate(slices) for one in samples]
@@ -128,19 +149,20 @@ def _draw(curves: dict[str, list[list[Sample]]]) -> None:
         above.legend(fontsize=6.0, ncols=2)
 
 
-BARS = (
+BARS = tuple(
     Bar(
-        "soak",
-        "A day of missions leaves memory, handles and threads level",
-        "Every platform that flies by its autopilot's position flies, drives or dives one mission after another for "
+        f"soak-{group}",
+        f"A day of missions leaves memory, handles and threads level: {', '.join(dict.fromkeys(c.platform for c in courses))}",
+        "Each of these platforms flies, drives or dives one mission after another for "
         f"{HOURS:g} h of virtual time, in {HOURS / SLICE_H:g} boots of {SLICE_H:g} h. The whole stack and its "
         "simulation run in one process, and everything is logged. Each mission has one disturbance: the station's "
         "link, the cable, the station itself, a pause, another program's station that requests everything, or a "
         "component that crashes. Batteries are charged between missions; the store of events is full from the start. "
         f"A line is fitted to memory, traced objects, handles and threads after {WARM_H:g} h of each boot; the "
         "steepest counts.",
-        judge,
+        judge(group),
         seeds="0 to 3, one for each boot",
-        pictures=(PICTURE,),
-    ),
+        pictures=(_picture(group),),
+    )
+    for group, courses in GROUPS.items()
 )

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,8 +23,6 @@ from gloc3_sitl.proof.static_proof import StaticCell
 from gloc3_sitl.proof.trial import fly_case
 
 SHOWN: Final = 5
-SEEING: Final = ("hummingbird", "pelican")
-"""Platforms that fly by what their cameras see; a flight of theirs takes ten times as long."""
 AUTOPILOTS: Final = {"copter": "ardupilot"}
 """Where the platform's file fits another simulated autopilot than the vehicle's usual one."""
 FIELD: Final = r"area_m: \[\[.*?\]\], spacing_m: [0-9.]+"
@@ -58,7 +56,7 @@ def without_fault(base: FlightCase) -> dict[str, Any]:
 
 
 def _key(base: FlightCase, cell: StaticCell) -> str:
-    return f"{base.platform} {base.mission} {cell.component} {cell.phase}"
+    return f"{base.mission} {cell.component} {cell.phase}"
 
 
 def flown(progress: Progress, base: FlightCase, cells: Sequence[StaticCell]) -> list[FlownCell]:
@@ -71,56 +69,46 @@ def flown(progress: Progress, base: FlightCase, cells: Sequence[StaticCell]) -> 
     return [msgspec.convert(progress.part(_key(base, cell), dict), FlownCell) for cell in cells]
 
 
-def judge(progress: Progress) -> Sequence[Figure]:
-    """Those of the platforms that know their place without pictures."""
-    return _judge(progress, [platform for platform in sorted(platform_files()) if platform not in SEEING])
+def judge(platform: str) -> Callable[[Progress], Sequence[Figure]]:
+    """What gives the figures of a platform."""
+
+    def run(progress: Progress) -> Sequence[Figure]:
+        return _judge(progress, platform)
+
+    return run
 
 
-def judge_seeing(progress: Progress) -> Sequence[Figure]:
-    """Those of the platforms that fly by what their cameras see."""
-    return _judge(progress, SEEING)
+def _judge(progress: Progress, platform: str) -> Sequence[Figure]:
+    known: dict[tuple[str, ...], StaticCell] = {}
+    count, empty, otherwise, at_rest = 0, [], [], []
+    missions = bases(platform)
+    for base in missions:
+        name = base.mission.removesuffix(".yaml")
+        proof = prove_case(base)
+        count += len(proof.cells)
+        empty += [f"{cell.component} in {name} {cell.phase}: {cell.problem}" for cell in proof.cells if cell.problem]
+        calm = progress.part(base.mission, partial(without_fault, base))
+        at_rest += [f"{name}: {one}" for one in calm["broken"]]
+        at_rest += [] if calm["state"] == "done" else [f"{name} is {calm['state']}"]
+        cells = distinct_cells(proof.cells, known)
+        known |= {cell.signature: cell for cell in cells}
+        if calm["state"] == "done":
+            wrong = [one for one in flown(progress, base, cells) if one.problem]
+            otherwise += [f"`{one.case.command(base.mission)}`: {one.problem}" for one in wrong]
+    names = ", ".join(base.mission.removesuffix(".yaml") for base in missions)
+    return [
+        Figure(f"cells of {names}", str(count)),
+        Figure("… without an answer", "; ".join(empty) or "none", "none", not empty),
+        Figure("… distinct ones, a flight each", str(len(known))),
+        Figure("… broken or not done without any fault", "; ".join(at_rest) or "none", "none", not at_rest),
+        Figure("… otherwise in flight than answered", str(len(otherwise)), "0", not otherwise),
+        *(Figure("… such as", one) for one in otherwise[:SHOWN]),
+        *_answers(list(known.values())),
+    ]
 
 
-def _judge(progress: Progress, platforms: Sequence[str]) -> Sequence[Figure]:
-    figures: list[Figure] = []
-    answers: list[Figure] = []
-    all_cells = all_distinct = 0
-    for platform in platforms:
-        known: dict[tuple[str, ...], StaticCell] = {}
-        count, empty, otherwise, at_rest = 0, [], [], []
-        missions = bases(platform)
-        for base in missions:
-            name = base.mission.removesuffix(".yaml")
-            proof = prove_case(base)
-            count += len(proof.cells)
-            empty += [
-                f"{cell.component} in {name} {cell.phase}: {cell.problem}" for cell in proof.cells if cell.problem
-            ]
-            calm = progress.part(f"{platform} {base.mission}", partial(without_fault, base))
-            at_rest += [f"{name}: {one}" for one in calm["broken"]]
-            at_rest += [] if calm["state"] == "done" else [f"{name} is {calm['state']}"]
-            cells = distinct_cells(proof.cells, known)
-            known |= {cell.signature: cell for cell in cells}
-            if calm["state"] == "done":
-                wrong = [one for one in flown(progress, base, cells) if one.problem]
-                otherwise += [f"`{one.case.command(base.mission)}`: {one.problem}" for one in wrong]
-        names = ", ".join(base.mission.removesuffix(".yaml") for base in missions)
-        all_cells, all_distinct = all_cells + count, all_distinct + len(known)
-        figures += [
-            Figure(f"{platform}: cells of {names}", str(count)),
-            Figure("… without an answer", "; ".join(empty) or "none", "none", not empty),
-            Figure("… distinct ones, a flight each", str(len(known))),
-            Figure("… broken or not done without any fault", "; ".join(at_rest) or "none", "none", not at_rest),
-            Figure("… otherwise in flight than answered", str(len(otherwise)), "0", not otherwise),
-            *(Figure("… such as", one) for one in otherwise[:SHOWN]),
-        ]
-        answers += _answers(platform, list(known.values()))
-    total = Figure("cells", f"{all_cells:,}, of which {all_distinct:,} are distinct")
-    return [total, *figures, *answers]
-
-
-def _answers(platform: str, cells: Sequence[StaticCell]) -> list[Figure]:
-    """The answers of a platform, a row for each component and answer."""
+def _answers(cells: Sequence[StaticCell]) -> list[Figure]:
+    """The answers, a row for each component and answer."""
     shared: dict[tuple[str, str], list[str]] = {}
     for cell in cells:
         shared.setdefault((cell.component, cell.answer), []).append(cell.capability)
@@ -128,32 +116,22 @@ def _answers(platform: str, cells: Sequence[StaticCell]) -> list[Figure]:
     rows = []
     for (component, answer), capabilities in shared.items():
         where = "always" if len(capabilities) == every else "during " + ", ".join(sorted(set(capabilities)))
-        rows.append(Figure(f"{platform}: {component} dies, {where}", answer))
+        rows.append(Figure(f"{component} dies, {where}", answer))
     return rows
 
 
-CLAIM: Final = (
-    "For every installed platform {which}, every mission template that it can fly (`gloc3 mission new`), every "
-    "component and every action, the files say who takes over, or which policy flies, if the component dies for good. "
-    "The answers are flown: the component fails in every cycle from one second after the start of the action, every "
-    "invariant holds, and the mission continues where that was the answer. Actions of one capability share a flight, "
-    "in the shortest of the missions, where the answer for a component is the same; of the field of `mapping` one "
-    "line is flown. `gloc3 prove MISSION --platform PLATFORM --static --fly` does it for one."
-)
-
-BARS = (
+BARS = tuple(
     Bar(
-        "static-proof",
-        "For every component that dies there is an answer, and it holds in flight",
-        CLAIM.format(which="that knows its place without pictures"),
-        judge,
+        f"static-proof-{platform}",
+        f"For every component of {platform} that dies there is an answer, and it holds in flight",
+        "For every mission template that the platform can fly (`gloc3 mission new`), every component and every action, the "
+        "files say who takes over, or which policy flies, if the component dies for good. "
+        "The answers are flown: the component fails in every cycle from one second after the start of the action, every "
+        "invariant holds, and the mission continues where that was the answer. Actions of one capability share a flight, "
+        "in the shortest of the missions, where the answer for a component is the same; of the field of `mapping` one "
+        "line is flown. `gloc3 prove MISSION --platform PLATFORM --static --fly` does it for one.",
+        judge(platform),
         seeds="0",
-    ),
-    Bar(
-        "static-proof-cameras",
-        "For every component that dies there is an answer, with cameras as well, and it holds in flight",
-        CLAIM.format(which="that flies by what its cameras see"),
-        judge_seeing,
-        seeds="0",
-    ),
+    )
+    for platform in sorted(platform_files())
 )

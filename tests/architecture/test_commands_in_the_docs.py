@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 
 import pytest
+from tests.evidence.__main__ import BARS
 
 pytestmark = pytest.mark.thorough
 
@@ -15,8 +16,7 @@ ROOT = Path(__file__).parents[2]
 MADE_FROM_HELP = ROOT / "docs/reference/commands.md"
 PAGES = [*sorted(ROOT.glob("*.md")), *(one for one in sorted((ROOT / "docs").rglob("*.md")) if one != MADE_FROM_HELP)]
 COMMAND = re.compile(r"`(gloc3 [^`]+)`|^(?:\$ )?(gloc3 .+)$", re.MULTILINE)
-BARS = "".join(file.read_text() for file in (ROOT / "tests/evidence").glob("*.py"))
-EVIDENCE = set(re.findall(r"(?:\bBar\(\s*(?:name=)?|^PAGE: Final = )\"([\w-]+)\"", BARS, re.MULTILINE))
+EVIDENCE = {bar.name for bar in BARS}
 FUZZED = {path.name for path in (ROOT / "tests/fuzz/corpus").iterdir()}
 MAKE = re.compile(r"(?:`|^)make ([a-z]+)(?: NAME=([\w-]+))?", re.MULTILINE)
 

@@ -29,10 +29,12 @@ class HostContext(NamedTuple):
     memory: MemoryReserve | None = None
     """What is left for the others when memory is used up; None where it is not reserved."""
 
-    def new_worker(self, name: str) -> Worker:
+    is_real_time: bool = False
+    """Whether the required components have real-time priority."""
+
+    def new_worker(self, name: str, *, is_required: bool) -> Worker:
         """A worker for one component."""
         if self.clock.is_virtual:
             return InlineWorker(self.loop)
-        return (
-            ThreadWorker(self.loop, name) if self.memory is None else ThreadWorker(self.loop, name, self.memory.release)
-        )
+        make_room = (lambda: False) if self.memory is None else self.memory.release
+        return ThreadWorker(self.loop, name, make_room, is_real_time=self.is_real_time and is_required)

@@ -5,13 +5,19 @@ other as on a thread, and a model gives the cost of each. `guard` runs them: the
 """
 
 import asyncio
+import os
 import queue
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import Any, Final, NamedTuple, ParamSpec, Protocol, TypeVar
 
+from gloc3.errors import Refused
+
+REAL_TIME_PRIORITY: Final = 10
+"""Of the control path under SCHED_RR, from 1 to 99: below what the kernel and its drivers use (50)."""
 T = TypeVar("T")
 P = ParamSpec("P")
 
@@ -30,6 +36,22 @@ def guard(job: Callable[..., T], *arguments: Any) -> tuple[T | None, BaseExcepti
         return None, error
     except (Exception, SystemExit, GeneratorExit, asyncio.CancelledError) as error:  # noqa: BLE001
         return None, error
+
+
+def take_real_time_priority() -> None:
+    """Puts the calling thread before all that are not real-time; threads and processes that it makes later are not.
+
+    Raises:
+        Refused: the process may not.
+    """
+    if sys.platform != "linux":
+        raise Refused("real-time priority is known on Linux only")
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(REAL_TIME_PRIORITY))
+    except PermissionError as error:
+        raise Refused(
+            f"this process may have no real-time priority: it needs LimitRTPRIO={REAL_TIME_PRIORITY} as a service, or `ulimit -r {REAL_TIME_PRIORITY}`"
+        ) from error
 
 
 class Worker(Protocol):
@@ -115,7 +137,12 @@ class ThreadWorker:
     """Wall time: a daemon thread that lives until it is abandoned, so that a stuck job cannot keep a process alive."""
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, name: str, make_room: Callable[[], bool] = lambda: False
+        self,
+        loop: asyncio.AbstractEventLoop,
+        name: str,
+        make_room: Callable[[], bool] = lambda: False,
+        *,
+        is_real_time: bool = False,
     ) -> None:
         """Begins without a thread.
 
@@ -123,9 +150,10 @@ class ThreadWorker:
             loop: where results are reported.
             name: of the thread.
             make_room: called when there is no memory for a thread; whether there may be now.
+            is_real_time: whether the thread takes real-time priority, which the process may.
         """
         self._loop = loop
-        self._name, self._make_room = name, make_room
+        self._name, self._make_room, self._is_real_time = name, make_room, is_real_time
         self._lane: _Lane | None = None
 
     def run(self, job: Callable[[], T], done: Callable[[T], None], cost_s: float = 0.0) -> None:
@@ -153,6 +181,8 @@ class ThreadWorker:
             self._lane = None
 
     def _serve(self, lane: _Lane) -> None:
+        if self._is_real_time:
+            take_real_time_priority()
         while (work := lane.jobs.get()) is not None and not lane.is_abandoned:
             job, done = work
             result = job()

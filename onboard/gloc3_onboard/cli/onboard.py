@@ -60,6 +60,7 @@ def onboard(platform: str, /, *, options: OnboardOptions = DEFAULTS) -> int:
         logs=options.logs,
         system_id=options.system_id,
         is_quiet=options.quiet,
+        is_real_time=options.real_time,
         metrics=options.metrics,
         video=options.video,
         accepts_plans=options.take_plans,

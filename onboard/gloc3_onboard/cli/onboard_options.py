@@ -67,6 +67,9 @@ class OnboardOptions:
     video: str = ""
     """Serve the video of the cameras that the mission may record over RTSP at ADDRESS:PORT, such as 127.0.0.1:8554;
     VIDEO_STREAM_INFORMATION has this address. Needs PyAV (pip install gloc3[video]). It is neither encrypted nor protected."""
+    real_time: Flag = False
+    """Real-time priority (SCHED_RR) for the control path, which is the event loop and the required components; for the
+    host with the autopilot, on Linux. It needs the right to it: `ulimit -r 10`; a service that is installed so has it."""
     quiet: Flag = False
     """No narration on stderr."""
 

@@ -23,6 +23,8 @@ class ProcessOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Where logs and pictures go; None for where the rest goes."""
     system_id: int = 1
     is_quiet: bool = False
+    is_real_time: bool = False
+    """Whether the control path has real-time priority."""
     signing_key: bytes | None = None
     """Of the links to ground stations; None for links that are not signed."""
     accepts_plans: bool = False

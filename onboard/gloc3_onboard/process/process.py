@@ -2,8 +2,10 @@
 
 import asyncio
 import faulthandler
+import gc
 import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from random import SystemRandom
 from typing import TYPE_CHECKING, Any, Final
@@ -13,6 +15,8 @@ from gloc3.clock import Clock, utc_now
 from gloc3.component.context import HostContext
 from gloc3.component.host import ComponentHost
 from gloc3.component.memory import MemoryReserve, is_out_of_memory
+from gloc3.component.workers import take_real_time_priority
+from gloc3.errors import Refused
 from gloc3.exchange.base import Exchange
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.messages.envelope import Severity
@@ -72,6 +76,11 @@ async def run(options: ProcessOptions) -> int:
 
         member = read_network(options.network, utc_now())
     check_member(platform, host, member)
+    if options.is_real_time:
+        if host != clock_host(platform):
+            raise Refused("--real-time is for the host with the autopilot: no other has its control path")
+        with ThreadPoolExecutor(1) as trial:  # before anything begins
+            trial.submit(take_real_time_priority).result()
     if member is not None and (warning := member.expiry(utc_now())):
         narrate(f"onboard: {warning}", Severity.WARNING)
     opened = partial(
@@ -128,7 +137,7 @@ class OnboardProcess:
         loop.set_exception_handler(self._handle_failure)
         context = HostContext(
             platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random, memory=self._memory
-        )
+        )._replace(is_real_time=options.is_real_time)
         self._storage = ProcessStorage(options, platform, place, context, self.narrate)
         self._rights = Rights(
             platform.platform,
@@ -248,6 +257,16 @@ class OnboardProcess:
             loop.default_exception_handler(context)
         elif self._memory.release():
             self.narrate(Severity.CRITICAL, self._memory.text())
+
+    def settle(self) -> None:
+        """All components are up: nothing holds up the control path from now on that need not.
+
+        What is loaded stays, so that no search for garbage goes through it. The loop has real-time priority only now,
+        because what it makes while starting shall keep the priority of the process.
+        """
+        gc.freeze()
+        if self._options.is_real_time:
+            take_real_time_priority()
 
     def read_platform(self) -> Platform:
         """The platform file as it is now.

@@ -224,6 +224,7 @@ def make_plan(
         groups=tuple(dict.fromkeys(node.group for node in found)),
         devices=allowed(found),
         modules=modules(found),
+        is_real_time=options.real_time,
         cpus=cpus,
         homes=homes([*files, *secrets] if word != name or Path(name).suffix else secrets),
         network=network[0].parent if network else None,

@@ -1,7 +1,6 @@
 """Life cycle of the onboard process: start, reload and stop, reported to the service manager."""
 
 import asyncio
-import gc
 import signal
 from collections.abc import Callable, Mapping
 from math import inf
@@ -41,6 +40,9 @@ class Process(Protocol):
     def is_beginning(self) -> bool:
         """Whether some component is still being brought up."""
 
+    def settle(self) -> None:
+        """Called once, when no component is starting any more."""
+
     def read_platform(self) -> Platform:
         """The platform file as it is now; raises `InputError` where it is wrong."""
 
@@ -67,7 +69,9 @@ class SystemdService:
     async def run(self) -> None:
         """Runs until stopped, and landed where that is the policy."""
         manager, process = self._manager, self._process
-        report = ServiceReport(manager, process.exchange, process.platform.platform, process.is_beginning)
+        report = ServiceReport(
+            manager, process.exchange, process.platform.platform, process.is_beginning, process.settle
+        )
         departure = Departure(
             process.exchange, process.platform, self._loop, process.new_boot(), manager.extend, process.narrate
         )
@@ -130,7 +134,7 @@ class ServiceReport:
         exchange: Exchange,
         platform: str,
         is_beginning: Callable[[], bool],
-        settle: Callable[[], None] = gc.freeze,
+        settle: Callable[[], None],
     ) -> None:
         self._manager, self._is_beginning, self._platform, self._settle = manager, is_beginning, platform, settle
         self._is_ready = self._is_ending = False
@@ -185,7 +189,7 @@ class ServiceReport:
             is_in_contact = all(list(Health)[line.state] is not Health.ABSENT for line in summary.lines)
             if is_in_contact or envelope.t_s - self._begun_s > CONTACT_WITHIN_S:
                 self._is_ready = True
-                self._settle()  # what is loaded stays: a search for garbage among it would hold up the control path
+                self._settle()
                 self._manager.ready()
         if set(self._hung) <= set(self._in_charge.values()):
             self._manager.alive()

@@ -7,6 +7,8 @@ from typing import Final
 
 import msgspec
 
+from gloc3.component.workers import REAL_TIME_PRIORITY
+
 WATCHDOG_S: Final = 10
 """Watchdog period, s; summaries come twice a second."""
 STOP_S: Final = 30
@@ -50,6 +52,15 @@ UMask=0027
 """What the process may not do. It keeps the network, /proc/stat for the computer's load, and the devices that it uses."""
 
 
+REAL_TIME: Final = f"""
+# The control path goes before all that is not real-time. The kernel leaves a share of each second to the others.
+LimitRTPRIO={REAL_TIME_PRIORITY}
+RestrictRealtime=no
+SystemCallFilter=sched_setscheduler
+"""
+"""What is allowed beyond that, where its control path has real-time priority."""
+
+
 class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
     """Needs of a service, as a systemd unit."""
 
@@ -64,6 +75,8 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
     """What `DeviceAllow` names: device nodes, and classes such as `char-ttyUSB`."""
     modules: tuple[str, ...] = ()
     """The kernel's modules that have to be loaded for the devices' classes to be known."""
+    is_real_time: bool = False
+    """Whether its control path has real-time priority."""
     cpus: str = ""
     """Processors that it may use, as `CPUAffinity` names them; empty for all."""
     homes: tuple[Path, ...] = ()
@@ -143,6 +156,7 @@ class SystemdUnit(msgspec.Struct, frozen=True, kw_only=True):
                     *self._devices(),
                     "",
                     HARDENING.format(home="tmpfs" if self.homes else "yes").rstrip(),
+                    REAL_TIME.rstrip() if self.is_real_time else "",
                     *self._folders(),
                 ),
                 "[Install]\nWantedBy=multi-user.target\n",

@@ -5,11 +5,15 @@ import re
 import signal
 import socket
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from tests.commands.programs import Program
 from tests.onboard.fake_manager import FakeManager, service
 
+from gloc3.component.workers import take_real_time_priority
+from gloc3.errors import Refused
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import LocalExchange
 from gloc3.messages.summaries import Health, Summary
@@ -195,3 +199,55 @@ def test_what_is_loaded_is_left_to_the_collector_no_more_once_all_are_up() -> No
         assert settled == ([] if is_beginning[0] else ["once"])
         is_beginning[0] = False
     report.close()
+
+
+ASIDE = "  - {name: aside, class: 'stuck_sampler:StuckSampler', rate_hz: 10}\n"
+REAL_TIME = os.SCHED_RR | os.SCHED_RESET_ON_FORK
+
+
+def may_be_real_time() -> bool:
+    """Tries it in a thread of its own."""
+    try:
+        with ThreadPoolExecutor(1) as trial:
+            trial.submit(take_real_time_priority).result()
+    except Refused:
+        return False
+    return True
+
+
+def policies(process: int) -> list[int]:
+    """The scheduling policies of a process's threads."""
+    return [os.sched_getscheduler(int(thread.name)) for thread in Path(f"/proc/{process}/task").iterdir()]
+
+
+@pytest.mark.skipif(not may_be_real_time(), reason="this user may have no real-time priority")
+def test_the_loop_and_the_required_components_alone_have_real_time_priority_where_that_is_asked_for(
+    bench: Path,
+) -> None:
+    (bench / "bench.yaml").write_text(PLATFORM + ASIDE)
+    program = Program([*arguments(), "--real-time"], bench)
+    try:
+        end_s = time.monotonic() + 60.0
+        while (
+            REAL_TIME not in (found := policies(program.process.pid)) or os.sched_getscheduler(program.process.pid) == 0
+        ):
+            assert time.monotonic() < end_s, program.text
+            time.sleep(0.05)
+        assert found.count(REAL_TIME) == 3, "the loop, stuck and command_server"
+        assert found.count(os.SCHED_OTHER) == len(found) - 3 > 0
+    finally:
+        program.interrupt()
+        program.end()
+        program.close()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="takes a right from root")
+def test_without_the_right_real_time_priority_is_refused_before_anything_begins(bench: Path) -> None:
+    without = ["setpriv", "--bounding-set=-sys_nice"]
+    program = Program([*arguments(), "--real-time"], bench, before=without)
+    try:
+        assert program.end() == 2
+        assert "it needs LimitRTPRIO=10 as a service, or `ulimit -r 10`" in program.text
+        assert not (bench / "out").exists()
+    finally:
+        program.close()

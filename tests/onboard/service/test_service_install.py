@@ -284,6 +284,18 @@ def test_a_service_may_be_kept_to_some_processors(cpus: str) -> None:
     assert "\nCPUWeight=1000\n" in text
 
 
+def test_a_service_with_real_time_priority_may_take_it() -> None:
+    usual, urgent = (
+        make_plan("copter", OnboardOptions(real_time=wanted), "gloc3").unit.text() for wanted in (False, True)
+    )
+    allowed = ["LimitRTPRIO=10", "RestrictRealtime=no", "SystemCallFilter=sched_setscheduler"]
+    lines = urgent.splitlines()
+    assert [line for line in lines if line in allowed] == allowed
+    assert lines.index("RestrictRealtime=yes") < lines.index("RestrictRealtime=no"), "the last one counts"
+    assert " --real-time " in urgent
+    assert not any(line in usual for line in [*allowed, "--real-time"])
+
+
 @pytest.mark.parametrize("cpus", ["two", "1-", "-1", "1;2", "1 2\nUser=root"])
 def test_what_names_no_processors_is_refused(cpus: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["onboard", "install", "copter", "--dry-run", f"--cpus={cpus}"]) == 2

@@ -20,13 +20,11 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
-from gloc3.clock import utc_now
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.errors import NoContact as NotHeard
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.messages.command_interface import Control, ControlVerb, EmergencyVerb, Verb
-from gloc3.network.file import read_network
-from gloc3_groundstation.assembly import GroundStation, StationSetup
+from gloc3_groundstation.assembly import GroundStation, StationSetup, read_membership
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.control import require_operator
 from gloc3_groundstation.desk.desk import Desk
@@ -331,7 +329,7 @@ async def connect(
         system=station_id,
         record=record,
         signing_key=None if signing_key is None else read_signing_key(signing_key.expanduser()),
-        network=None if network is None else read_network(network.expanduser(), utc_now()),
+        network=read_membership(network),
     )
     ground = GroundStation(setup)
     try:

@@ -8,17 +8,16 @@ is the station's. `NOT_IN_FLIGHTS` lists what a flight leaves out, with the reas
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from gloc3.clock import Clock
+from gloc3.clock import Clock, utc_now
 from gloc3.errors import Gloc3Error
 from gloc3.exchange import LocalExchange
 from gloc3.mavlink.transport.memory import MemoryEnd
 from gloc3.messages.envelope import Severity
 from gloc3.messages.topics import TopicTable
-from gloc3.network.file import Membership
 from gloc3.terrain import Terrain
 from gloc3_groundstation.corrections.corrections import Corrections
 from gloc3_groundstation.desk.desk import Desk
@@ -27,7 +26,6 @@ from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.links.acoustic_route import Modem, attach_modem, open_modem
 from gloc3_groundstation.links.link import LinkContext, StationLinkCore
 from gloc3_groundstation.links.links import Links
-from gloc3_groundstation.links.network_route import role_of
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.station.vehicles import Vehicles
@@ -37,6 +35,9 @@ from gloc3_groundstation.store.event_store import EventStore
 from gloc3_groundstation.store.kept_state import SHOWN, SILENCES, FeedFile, SilenceFile
 from gloc3_groundstation.store.recording import SessionRecording
 from gloc3_groundstation.traffic.traffic import Traffic
+
+if TYPE_CHECKING:
+    from gloc3.network.file import Membership
 
 DESCRIPTIONS: Final = "descriptions"
 """Folder for descriptions of parameters that vehicles have sent, in that of the records."""
@@ -68,13 +69,26 @@ class StationSetup(msgspec.Struct, frozen=True, kw_only=True):
     """Signs all links; None for links that are not signed."""
     terrain: Terrain | None = None
     """Heights of the ground; None without tiles."""
-    network: Membership | None = None
+    network: "Membership | None" = None
     """The network file of this station; None for MAVLink alone."""
 
     @property
     def name(self) -> str:
         """Name under which platforms know the station."""
         return str(self.system) if self.network is None else self.network.file.member
+
+
+def read_membership(file: Path | None) -> "Membership | None":
+    """A station's network file; without one, neither Zenoh nor cryptography is loaded.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    if file is None:
+        return None
+    from gloc3.network.file import read_network
+
+    return read_network(file.expanduser(), utc_now())
 
 
 class GroundStation:
@@ -95,6 +109,8 @@ class GroundStation:
         self.station: Final = Station(self.exchange, self.loop, setup.name, setup.boot, feed)
         self.station.terrain = setup.terrain
         if setup.network is not None:
+            from gloc3_groundstation.links.network_route import role_of
+
             self.station.client.role, self.station.is_member = role_of(setup.network), True
         self._silences = self._begin_silences()
         self._recording = self._begin_recording()

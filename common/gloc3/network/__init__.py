@@ -9,7 +9,6 @@ list of revoked members, `spreading` brings it to all. `regions` sums up the veh
 
 __all__ = [
     "access",
-    "authority",
     "file",
     "platform_clocks",
     "regions",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ipaddress
-import os
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -16,8 +15,9 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from gloc3.cli.counting import counted
-from gloc3.errors import Finding, InputError, Refused
+from gloc3.errors import Finding, InputError
 from gloc3.network.access import common_name
+from gloc3.store import write_secret
 
 CERTIFICATE: Final = "certificate.pem"
 KEY: Final = "key.pem"
@@ -198,20 +198,6 @@ def expiry(certificate: Path, now: datetime) -> str:
         return ""
     days = max((end - now).days, 0)
     return f"{certificate} expires on {end:%Y-%m-%d}, in {counted(days, 'day')}: gloc3 network renew"
-
-
-def write_secret(path: Path, data: bytes) -> None:
-    """Writes a new file that only its owner can read.
-
-    Raises:
-        Refused: it exists already.
-    """
-    try:
-        number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    except FileExistsError:
-        raise Refused(f"{path} already exists; a key in use is not overwritten") from None
-    with os.fdopen(number, "wb") as file:
-        file.write(data)
 
 
 def read_key(path: Path) -> ec.EllipticCurvePrivateKey:

@@ -4,7 +4,7 @@ Written data survives the process at once. To survive a power cut it has to be o
 a second: only a thread waits for that, and `wait` returns whether it is done.
 """
 
-from gloc3.store.files import AppendFile, DocumentFile, replace_file, replace_link
+from gloc3.store.files import AppendFile, DocumentFile, replace_file, replace_link, write_secret
 from gloc3.store.records import MemoryRecords, RecordFile, Records, RecordStore
 
 __all__ = [
@@ -16,4 +16,5 @@ __all__ = [
     "Records",
     "replace_file",
     "replace_link",
+    "write_secret",
 ]

@@ -11,7 +11,7 @@ from typing import BinaryIO, Generic, TypeVar
 
 import msgspec
 
-from gloc3.errors import UNREADABLE
+from gloc3.errors import UNREADABLE, Refused
 
 T = TypeVar("T")
 
@@ -240,3 +240,17 @@ def sync(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def write_secret(path: Path, data: bytes) -> None:
+    """Writes a new file that only its owner can read.
+
+    Raises:
+        Refused: it exists already.
+    """
+    try:
+        number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise Refused(f"{path} already exists; a key in use is not overwritten") from None
+    with os.fdopen(number, "wb") as file:
+        file.write(data)

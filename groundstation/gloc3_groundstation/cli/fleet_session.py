@@ -50,14 +50,12 @@ async def open_fleet(
         Refused: the network has no such vehicle.
         NoContact: none is heard.
     """
-    from gloc3.clock import utc_now
     from gloc3.network.access import MemberRole
-    from gloc3.network.file import read_network
-    from gloc3_groundstation.assembly import GroundStation, StationSetup
+    from gloc3_groundstation.assembly import GroundStation, StationSetup, read_membership
     from gloc3_groundstation.desk import flights
 
     is_link = "://" in source
-    network = None if is_link else read_network(Path(source).expanduser(), utc_now())
+    network = read_membership(None if is_link else Path(source))
     names = list(wanted)
     if network is not None:
         roles = network.file.roles

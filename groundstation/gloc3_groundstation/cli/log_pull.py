@@ -152,14 +152,12 @@ class PullRequest(msgspec.Struct, frozen=True, kw_only=True):
 async def _pull(
     source: str, platform: str | None, wanted: PullRequest, wait_s: float, system: int, key_file: Path | None
 ) -> int:
-    from gloc3.clock import utc_now
     from gloc3.mavlink.signing_key import read_signing_key
-    from gloc3.network.file import read_network
-    from gloc3_groundstation.assembly import GroundStation, StationSetup
+    from gloc3_groundstation.assembly import GroundStation, StationSetup, read_membership
     from gloc3_groundstation.desk import flights
 
     is_link = "://" in source
-    network = None if is_link else read_network(Path(source).expanduser(), utc_now())
+    network = read_membership(None if is_link else Path(source))
     key = None if key_file is None else read_signing_key(key_file.expanduser())
     setup = StationSetup(boot=secrets.randbits(32), system=system, signing_key=key, network=network)
     async with AsyncExitStack() as stack:

@@ -133,11 +133,9 @@ def _setup(options: RosOptions) -> "StationSetup":
         InputError: a file cannot be read.
         Refused: there is no such mission, or options do not go together.
     """
-    from gloc3.clock import utc_now
     from gloc3.mavlink.signing_key import read_signing_key
     from gloc3.mission.examples import find_mission
-    from gloc3.network.file import read_network
-    from gloc3_groundstation.assembly import StationSetup
+    from gloc3_groundstation.assembly import StationSetup, read_membership
 
     if options.mission is not None:
         find_mission(str(options.mission))
@@ -149,5 +147,5 @@ def _setup(options: RosOptions) -> "StationSetup":
         boot=secrets.randbits(32),
         system=options.station_id,
         signing_key=None if options.signing_key is None else read_signing_key(options.signing_key.expanduser()),
-        network=None if options.network is None else read_network(options.network.expanduser(), utc_now()),
+        network=read_membership(options.network),
     )

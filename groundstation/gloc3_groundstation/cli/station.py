@@ -468,10 +468,8 @@ def _setup(options: StationOptions, configuration: "Configuration") -> "StationS
         Refused: the signing key cannot be read.
         InputError: the network file cannot be read.
     """
-    from gloc3.clock import utc_now
     from gloc3.mavlink.signing_key import read_signing_key
-    from gloc3.network.file import read_network
-    from gloc3_groundstation.assembly import StationSetup
+    from gloc3_groundstation.assembly import StationSetup, read_membership
     from gloc3_groundstation.store.recording import default_root
 
     key_file = options.signing_key or (Path(configuration.signing_key) if configuration.signing_key else None)
@@ -485,7 +483,7 @@ def _setup(options: StationOptions, configuration: "Configuration") -> "StationS
         record=None if options.no_record else default_root(),
         downloads=Path(configuration.downloads or ".").expanduser(),
         signing_key=key,
-        network=None if options.network is None else read_network(options.network.expanduser(), utc_now()),
+        network=read_membership(options.network),
     )
 
 

@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
 import msgspec
 
@@ -14,12 +14,14 @@ from gloc3.mavlink.parser import Frame
 from gloc3.mavlink.signing_key import read_signing_key
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint, parse_url
 from gloc3.mavlink.transport.memory import MemoryEnd
-from gloc3.network.file import Membership
 from gloc3_groundstation.links.forwarding import Forwarding, ForwardLink, check_forward
 from gloc3_groundstation.links.link import LinkContext, LinkSettings, StationLinkCore
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
-from gloc3_groundstation.links.network_route import NetworkRoute
 from gloc3_groundstation.links.station_routes import LINE, NETWORK
+
+if TYPE_CHECKING:
+    from gloc3.network.file import Membership
+    from gloc3_groundstation.links.network_route import NetworkRoute
 
 MEASURE_EVERY_S: Final = 1.0
 L = TypeVar("L")
@@ -59,12 +61,14 @@ class Links:
         self._is_closed = False
         self._timer: asyncio.TimerHandle | None = None
 
-    def join(self, network: Membership) -> None:
+    def join(self, network: "Membership") -> None:
         """Joins a network of platforms and stations.
 
         Raises:
             Gloc3Error: a listen address is not available.
         """
+        from gloc3_groundstation.links.network_route import NetworkRoute  # with Zenoh and all of its cryptography
+
         context = self._context
         self._network = NetworkRoute(network, context.routes, lambda text: context.report(f"network: {text}"))
         self._network.open(context.loop, context.exchange, context.topics)

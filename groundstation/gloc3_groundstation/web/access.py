@@ -9,7 +9,7 @@ from secrets import token_urlsafe
 from typing import Final
 
 from gloc3.errors import Refused
-from gloc3.network.authority import write_secret
+from gloc3.store import write_secret
 
 TOKEN_BYTES: Final = 16
 LEAST_CHARACTERS: Final = 16

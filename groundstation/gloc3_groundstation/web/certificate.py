@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from gloc3.errors import Refused
-from gloc3.network.authority import write_secret
+from gloc3.store import write_secret
 
 VALID: Final = timedelta(days=397)
 """Life of a self-signed certificate; browsers accept no longer one."""

@@ -20,7 +20,6 @@ import msgspec
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3_groundstation.web.access import Access, WebRight, new_token
-from gloc3_groundstation.web.certificate import load_pair
 from gloc3_groundstation.web.glass import HEARTBEAT_S
 from gloc3_groundstation.web.map_view import MapSource, MapView
 from gloc3_groundstation.web.pictures_view import PicturesView
@@ -150,7 +149,11 @@ class WebServer:
         app.router.add_get(r"/tiles/{zoom:\d{1,2}}/{column:\d{1,8}}/{row:\d{1,8}}", self._tile)
         app.router.add_static("/page", Path(str(PAGES)))
         app.router.add_static("/static", Path(str(textual_serve.__file__)).parent / "static")
-        tls = None if self._options.certificate is None else load_pair(*self._options.certificate)
+        tls = None
+        if self._options.certificate is not None:
+            from gloc3_groundstation.web.certificate import load_pair  # with all of its cryptography
+
+            tls = load_pair(*self._options.certificate)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=CLOSE_S)
         await runner.setup()
         host, port = self._options.host, self._options.port

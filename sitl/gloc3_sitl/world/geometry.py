@@ -78,8 +78,10 @@ class Geometry:
                 across, down = px * ax + py * ay + pz * az - a0, px * bx + py * by + pz * bz - b0
                 if -_EDGE_M <= across <= a_m + _EDGE_M and -_EDGE_M <= down <= b_m + _EDGE_M:
                     nearest = reach
-        for slab in _slabs(*self.boxes_at(t_s)) if self._moving else self._slabs:
-            nearest = min(nearest, _to_box(slab, origin_m, direction))
+        if self._boxes:
+            slopes = [slope if abs(slope) >= _PARALLEL else _PARALLEL for slope in direction]
+            for slab in _slabs(*self.boxes_at(t_s)) if self._moving else self._slabs:
+                nearest = min(nearest, _to_box(slab, origin_m, slopes))
         return nearest
 
     def is_clear(self, origin_m: Vector3, targets_m: Floats, t_s: float) -> NDArray[np.bool_]:
@@ -162,13 +164,19 @@ def _slabs(least: Floats, most: Floats) -> list[list[tuple[float, float]]]:
     return [list(zip(low, high, strict=True)) for low, high in zip(least.tolist(), most.tolist(), strict=True)]
 
 
-def _to_box(slab: list[tuple[float, float]], origin_m: Vector3, direction: Vector3) -> float:
+def _to_box(slab: list[tuple[float, float]], origin_m: Vector3, slopes: list[float]) -> float:
     enter, leave = -inf, inf
-    for (low, high), begin, slope in zip(slab, origin_m, direction, strict=True):
-        slope = slope if abs(slope) >= _PARALLEL else _PARALLEL
+    for (low, high), begin, slope in zip(slab, origin_m, slopes, strict=True):
         near, far = (low - begin) / slope, (high - begin) / slope
-        enter, leave = max(enter, min(near, far)), min(leave, max(near, far))
-    if leave < enter or leave <= _BLIND_M:
+        if far < near:
+            near, far = far, near
+        if near > enter:
+            enter = near
+        if far < leave:
+            leave = far
+        if leave < enter:
+            return inf
+    if leave <= _BLIND_M:
         return inf
     return enter if enter > _BLIND_M else leave
 

@@ -62,22 +62,30 @@ class Environments:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keeps other updates away until the end of the block.
+        """Keeps other updates away until the end of the block; folders that it made and that are empty then go again.
 
         Raises:
             Refused: one is going on, or the folder cannot be written.
         """
+        made = [folder for folder in (self.home, *self.home.parents) if not folder.exists()]
         try:
             self.home.mkdir(parents=True, exist_ok=True)
-            file = (self.home / ".lock").open("w")
-        except PermissionError as error:
+            folder = os.open(self.home, os.O_RDONLY | os.O_DIRECTORY)
+        except OSError as error:
             raise Refused(f"{self.home} cannot be written: {error.strerror}; run it with sudo") from error
-        with file:
+        try:
+            if not os.access(self.home, os.W_OK):
+                raise Refused(f"{self.home} cannot be written; run it with sudo")
             try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
+                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
                 raise Refused(f"another update of {self.home} is going on") from error
             yield
+        finally:
+            with suppress(OSError):  # one that is not empty stays
+                for each in made:
+                    each.rmdir()
+            os.close(folder)
 
     def program(self, version: str) -> Path:
         """The program of a version."""

@@ -313,6 +313,8 @@ def test_a_debian_package_is_verified_installed_beside_the_other_and_one_that_ca
     update ./gloc3-2.0_*.deb; dpkg-query --show --showformat '${{db:Status-Status}} again' gloc3-2.0; echo
     update 1.0; dpkg --purge gloc3-2.0; echo 1 >> $(ls gloc3-2.0_*.deb)
     update ./gloc3-2.0_*.deb; versions
+    echo left: $(ls -A /opt/gloc3); dpkg --purge gloc3-1.0; echo left: $(ls -A /opt/gloc3)
+    rm -r /opt/gloc3; update ./gloc3-3.0_*.deb; test -e /opt/gloc3 || echo nothing is left
     """
     done = run_in_fresh_root(script, tmp_path)
     assert done.returncode == 0, done.stderr
@@ -334,7 +336,10 @@ def test_a_debian_package_is_verified_installed_beside_the_other_and_one_that_ca
         "code: 0",
         "code: 2",
         "versions: 1.0 of 1.0",
+        "code: 2",
     ]
+    assert [line for line in lines if "left:" in line] == ["left: 1.0 allowed_signers current", "left: allowed_signers"]
+    assert "nothing is left" in lines
     assert "  Package python9.9 is not installed." in lines
     assert "dpkg-query: no packages found matching gloc3-3.0" in lines
     assert "installed again" in lines, "what was left half-way is installed"
@@ -351,6 +356,13 @@ def test_two_updates_at_a_time_are_refused(tmp_path: Path) -> None:
     computer = Computer(tmp_path)
     with computer.environments.locked(), pytest.raises(Refused, match="going on"), computer.environments.locked():
         pass
+
+
+def test_what_is_refused_leaves_no_folder_and_no_file(tmp_path: Path) -> None:
+    for home in (tmp_path / "opt/gloc3", Computer(tmp_path).home):
+        before = sorted(tmp_path.rglob("*"))
+        assert run(["update", "newest", "--home", str(home)]) == 2
+        assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_the_command_lists_and_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

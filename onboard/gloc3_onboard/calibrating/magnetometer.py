@@ -5,12 +5,19 @@ from typing import Final
 
 import numpy as np
 
+from gloc3.cli.narration import narrate
 from gloc3.errors import Refused
 from gloc3_onboard.algorithms.calibration.boards import Floats
 from gloc3_onboard.algorithms.calibration.ellipsoid import LEAST_SHARE, EllipsoidFit, fit_ellipsoid
+from gloc3_onboard.calibrating.compass_parameters import (
+    ardupilot_parameters,
+    check_parameter_file,
+    px4_parameters,
+    write_parameters,
+)
 from gloc3_onboard.calibrating.drawing import DiagramPanel, PanelSeries, svg
 from gloc3_onboard.calibrating.field_readings import is_link, listen, read_readings
-from gloc3_onboard.calibrating.outcome import CalibrationOutcome, OutcomeOptions, settle, today
+from gloc3_onboard.calibrating.outcome import WRITTEN, CalibrationOutcome, OutcomeOptions, settle, today
 
 SECTION: Final = "magnetometer"
 MOST_AFTER: Final = 0.03
@@ -22,7 +29,15 @@ FIELD_GAUSS: Final = (0.2, 0.7)
 BAR: Final = 20
 
 
-def magnetometer(source: str, /, *, seconds: float = 180.0, options: OutcomeOptions | None = None) -> int:
+def magnetometer(
+    source: str,
+    /,
+    *,
+    seconds: float = 180.0,
+    parameters: Path | None = None,
+    rotation: int = 0,
+    options: OutcomeOptions | None = None,
+) -> int:
     """Calibrate a magnetometer: turn the vehicle about all its axes, away from steel, with everything mounted.
 
     Live, it shows how to turn next, and ends when enough has been shown, or with Ctrl-C. The readings are used as they
@@ -35,17 +50,25 @@ def magnetometer(source: str, /, *, seconds: float = 180.0, options: OutcomeOpti
         source: A log of GLOC3 with MAVLink traffic (log.mcap), of PX4 (.ulg) or ArduPilot (.bin), a table of x,y,z in gauss
             (.csv), or the link to an autopilot.
         seconds: The longest time that a live turn may take.
+        parameters: Where to write the result as the autopilot's parameters, a file for the ground station: PX4's where it
+            ends in .params, ArduPilot's where it ends in .param or .parm.
+        rotation: How a compass of PX4 is turned, as its CAL_MAG0_ROT (SENS_BOARD_ROT where that is -1), if the readings are
+            on the vehicle's axes, as over MAVLink; those in PX4's logs are on the compass's own.
         options: Where to write the result: section magnetometer.
     """
     options = options or OutcomeOptions()
     options.check()
+    if parameters is not None:
+        check_parameter_file(parameters, rotation)
+    elif rotation:
+        raise Refused("--rotation is of the file that --parameters FILE.params names")
     if not 1.0 <= seconds <= 3600.0:
         raise Refused("--seconds must be from 1 to 3600")
     readings = listen(source, seconds) if is_link(source) else read_readings(Path(source))
     fit = fit_ellipsoid(readings)
-    return settle(
+    code = settle(
         CalibrationOutcome(
-            lines=_lines(fit, len(readings)),
+            lines=_lines(fit, len(readings), rotation),
             sections={
                 SECTION: {
                     "offset_gauss": [round(value, 6) for value in fit.offset.tolist()],
@@ -65,6 +88,12 @@ def magnetometer(source: str, /, *, seconds: float = 180.0, options: OutcomeOpti
         ),
         options,
     )
+    if code == WRITTEN and parameters is not None:
+        write_parameters(parameters, fit, rotation, f"hard and soft iron, by gloc3 calibrate magnetometer, {today()}")
+        narrate(
+            f"parameters written into {parameters}; load them on the ground station's screen Parameters, then restart"
+        )
+    return code
 
 
 def doubts_of(fit: EllipsoidFit) -> list[str]:
@@ -92,14 +121,12 @@ def doubts_of(fit: EllipsoidFit) -> list[str]:
     return doubts
 
 
-def _lines(fit: EllipsoidFit, count: int) -> list[str]:
+def _lines(fit: EllipsoidFit, count: int, rotation: int) -> list[str]:
     offset = ", ".join(f"{v:.4f} ± {s:.4f}" for v, s in zip(fit.offset, fit.offset_std, strict=True))
-    m = fit.matrix
-    off_diagonal = [m[0, 1], m[0, 2], m[1, 2]]
     lines = [
         f"readings     {count}",
         f"hard iron    {offset} gauss",
-        "soft iron    " + "; ".join(" ".join(f"{v:.4f}" for v in row) for row in m),
+        "soft iron    " + "; ".join(" ".join(f"{v:.4f}" for v in row) for row in fit.matrix),
         f"field        {fit.radius:.4f} gauss",
         f"residuals    {fit.before:.2%} of the field before, {fit.after:.2%} after (standard deviation of the strength)",
         f"covered      {fit.coverage.share:.0%} of all sides",
@@ -108,19 +135,10 @@ def _lines(fit: EllipsoidFit, count: int) -> list[str]:
         f"  {name:<11}{'█' * round(BAR * share)}{'·' * (BAR - round(BAR * share))}"
         for name, share in fit.coverage.faces().items()
     ]
-    return [
-        *lines,
-        "PX4          " + _parameters("CAL_MAG0_{}OFF", fit.offset),
-        "             " + _parameters("CAL_MAG0_{}SCALE", np.diag(m)),
-        "             " + _parameters("CAL_MAG0_{}ODIAG", off_diagonal),
-        "ArduPilot    " + _parameters("COMPASS_OFS_{}", -1000.0 * fit.offset),
-        "             " + _parameters("COMPASS_DIA_{}", np.diag(m)),
-        "             " + _parameters("COMPASS_ODI_{}", off_diagonal),
-    ]
-
-
-def _parameters(name: str, values: Floats | list[float]) -> str:
-    return " ".join(f"{name.format(axis)}={value:.4f}" for axis, value in zip("XYZ", values, strict=True))
+    for name, values in (("PX4", px4_parameters(fit, rotation)), ("ArduPilot", ardupilot_parameters(fit))):
+        words = [f"{parameter}={value:.4f}" for parameter, value in values.items()]
+        lines += [f"{name if first == 0 else '':<13}{' '.join(words[first : first + 3])}" for first in (0, 3, 6)]
+    return lines
 
 
 def _panels(fit: EllipsoidFit, readings: Floats) -> list[DiagramPanel]:

@@ -8,15 +8,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from tests.common.log.samples import LogInMemory
 from tests.common.network.yard import free_port
 from tests.onboard.algorithms.calibration.fields import FIELD, OFFSET, readings
+from tests.sitl.sensors.test_dvl_model import over
 
 from gloc3.cli.program import run
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import Encoder
+from gloc3.messages.frames import GeoPoint
+from gloc3_groundstation.services.parameter_files import load_parameter_file
 from gloc3_onboard.calibrating import field_readings
 from gloc3_onboard.calibration.rig_file import read_sections
+from gloc3_sitl.sensors.magnetometer import Magnetometer
+
+Field = NDArray[np.float64]
+PLACE = GeoPoint(47.4, 8.5, 400.0)
+TURNS_DEG = {0: (0.0, 0.0, 0.0), 10: (90.0, 0.0, 180.0), 38: (293.0, 68.0, 90.0)}
+"""Yaw, pitch, roll of MAV_SENSOR_ORIENTATION's numbers, by its document."""
 
 
 def table(path: Path, seed: int = 0, tilt_rad: float = np.pi, unit: float = 1.0) -> Path:
@@ -73,6 +84,71 @@ def test_the_result_is_written_and_drawn(
     assert report.read_text().count("<g transform") == 4
 
 
+def turned_unit(iron_tesla: tuple[float, float, float]) -> tuple[Field, Field]:
+    """Readings of the simulated magnetometer on a vehicle with hard iron that is turned, and the true field; in gauss."""
+    unit, true = Magnetometer(3, PLACE), Magnetometer(3, PLACE, noise_tesla=0.0, bias_tesla=0.0)
+    read, field = [], []
+    random = np.random.default_rng(4)
+    for attitude in random.normal(size=(600, 4)):
+        w, x, y, z = attitude / np.linalg.norm(attitude)
+        truth = over(10.0, (w, x, y, z))
+        read.append(unit.shift(unit.measure(truth, 0.0), iron_tesla).field_frd_tesla)
+        field.append(true.measure(truth, 0.0).field_frd_tesla)
+    return 1e4 * np.array(read), 1e4 * np.array(field)
+
+
+def matrix_of(value: Callable[[str], float], diagonal: str, others: str) -> Field:
+    (xx, yy, zz), (xy, xz, yz) = ([value(name.format(axis)) for axis in "XYZ"] for name in (diagonal, others))
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+@pytest.mark.parametrize("name", ["compass.params", "compass.param", "compass.parm"])
+@pytest.mark.parametrize("rotation", [0, 10, 38])
+def test_an_autopilot_with_the_written_parameters_measures_the_field(name: str, rotation: int, tmp_path: Path) -> None:
+    """The autopilots' own formulas (sensor_calibration::Magnetometer, AP_Compass_Backend) on a simulated unit's readings."""
+    body, field = turned_unit((2e-5, -1e-5, 3e-5))
+    np.savetxt(tmp_path / "turn.csv", body, delimiter=",")
+    file, is_px4 = tmp_path / name, name.endswith(".params")
+    options = ["--parameters", str(file), *(["--rotation", str(rotation)] if is_px4 else [])]
+    assert (
+        run(["calibrate", "magnetometer", str(tmp_path / "turn.csv"), "--rig", f"{tmp_path}/rig.yaml", *options]) == 0
+    )
+    found = {one.name: one.value for one in load_parameter_file(file).parameters}
+    assert len(found) == 9
+
+    def of(template: str) -> Field:
+        return np.array([found[template.format(axis)] for axis in "XYZ"])
+
+    if is_px4:
+        turn = Rotation.from_euler("ZYX", TURNS_DEG[rotation], degrees=True)
+        scale = matrix_of(found.__getitem__, "CAL_MAG0_{}SCALE", "CAL_MAG0_{}ODIAG")
+        measured = turn.apply((turn.inv().apply(body) - of("CAL_MAG0_{}OFF")) @ scale)
+    else:
+        scale = matrix_of(found.__getitem__, "COMPASS_DIA_{}", "COMPASS_ODI_{}")
+        measured = 1e-3 * ((1e3 * body + of("COMPASS_OFS_{}")) @ scale)
+    error = np.abs(measured - field).mean(axis=0)
+    assert error.max() < 0.01 < 0.09 < np.abs(body - field).mean(axis=0).min()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--parameters", "compass.txt"], "name a file that ends in .params for PX4"),
+        (["--parameters", "none/compass.params"], "there is no folder none"),
+        (["--parameters", "compass.params", "--rotation", "41"], "must be from 0 to 40"),
+        (["--parameters", "compass.parm", "--rotation", "2"], "--rotation is of PX4"),
+        (["--rotation", "2"], "--parameters FILE.params"),
+    ],
+)
+def test_files_of_parameters_that_cannot_be_written_are_refused_before_the_turn(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["calibrate", "magnetometer", str(table(tmp_path / "turn.csv")), *options]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "rig.yaml").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -85,9 +161,11 @@ def test_what_is_not_trustworthy_is_not_written(
 ) -> None:
     source = table(tmp_path / "turn.csv", **options)  # type: ignore[arg-type] # only numbers are given here
     arguments = ["calibrate", "magnetometer", str(source), "--rig", str(tmp_path / "rig.yaml")]
+    arguments += ["--parameters", str(tmp_path / "compass.params")]
     assert run(arguments) == 1
     assert said in capsys.readouterr().err
     assert not (tmp_path / "rig.yaml").exists()
+    assert not (tmp_path / "compass.params").exists()
     assert run([*arguments, "--force"]) == 0
 
 

@@ -25,7 +25,7 @@ from gloc3_onboard.process.journal import SystemdJournal
 from gloc3_onboard.process.runner import Create, HostMember
 from gloc3_onboard.process.vitals import Vitals
 from gloc3_onboard.sensors.devices import Rig
-from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls, time_shift_problems
+from gloc3_onboard.sensors.registry import SourceHost, make_sources, source_urls
 from gloc3_onboard.sensors.rig import PlatformRig
 
 KNOWN_MAP: Final = "known_map"
@@ -67,8 +67,6 @@ def open_sensors(
         warn(str(warning))
     host = host._replace(time_shift_s=partial(_time_shift_s, rig))
     urls = source_urls(platform, used, requested)
-    for problem in time_shift_problems(urls, host):
-        warn(problem)
     return Sensors({**make_sources(urls, host), KNOWN_MAP: known_map(platform, host.folder)}, urls, rig)
 
 

@@ -21,7 +21,7 @@ from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.sensors import camera_sources, lidar_sources, sources
 from gloc3_onboard.sensors.devices import HeightSensor
 from gloc3_onboard.sensors.replay import LogTime, Recorded
-from gloc3_onboard.sensors.source_url import DELAY_S, Options, SourceUrl, device_problem, option_problem
+from gloc3_onboard.sensors.source_url import Options, SourceUrl, device_problem, option_problem
 
 ENTRY_POINTS: Final = "gloc3.sensors"
 NOWHERE: Final = "none://"
@@ -231,29 +231,42 @@ def make_sources(urls: Mapping[str, str], host: SourceHost) -> dict[str, Any]:
 
 def _made(request: SourceRequest) -> Any:
     kind = source_kinds()[request.url.scheme]
-    shift_s = _time_shift_s(request.sensor, request.device, request.host)
-    if shift_s and DELAY_S in kind.options:
-        request = request._replace(url=request.url.delayed(-shift_s))
-    return kind.make(request)
+    device = kind.make(request)
+    names = () if kind.is_file or kind.scheme in _WITHOUT_SHIFT else request.sensor.cameras(request.device)
+    shift_s = next(map(request.host.time_shift_s, names), 0.0)  # the pictures of a pair are of one time
+    return _ShiftedCamera(device, shift_s) if shift_s else device
 
 
-def _time_shift_s(sensor: SensorKind, device: str, host: SourceHost) -> float:
-    """What the calibration adds to a device's stamps: that of its first camera, as the pictures of a pair are of one time."""
-    return next((host.time_shift_s(camera) for camera in sensor.cameras(device)), 0.0)
+_WITHOUT_SHIFT: Final = ("none", "pair")
+"""Schemes of cameras that have no stamps of their own; those of a pair's cameras are shifted already."""
 
 
-def time_shift_problems(urls: Mapping[str, str], host: SourceHost) -> list[str]:
-    """The devices whose source cannot apply the time shift of their calibration; logs hold the shifted times."""
-    found = []
-    for device, text in urls.items():
-        url, sensor = parse_source(device, text), _sensor(device)
-        kind, shift_s = source_kinds()[url.scheme], _time_shift_s(sensor, device, host)
-        if shift_s and not kind.is_file and url.scheme != "none" and DELAY_S not in kind.options:
-            found.append(
-                f"{device}: the time shift of its calibration, {1e3 * shift_s:+.1f} ms, is not applied: "
-                f"{url.scheme}:// has no {DELAY_S}"
-            )
-    return found
+class _ShiftedCamera:
+    """A camera of any kind whose stamps are corrected as its calibration says; logs hold corrected times already.
+
+    Args:
+        device: the camera.
+        shift_s: added to its stamps.
+    """
+
+    def __init__(self, device: Any, shift_s: float) -> None:
+        self._device, self._shift_s = device, shift_s
+        self.open, self.close, self.on_new_data = device.open, device.close, device.on_new_data
+
+    def frame(self) -> Any:
+        """The latest frame of a camera."""
+        return self._shifted(self._device.frame())
+
+    def pair(self) -> Any:
+        """The latest frames of a pair."""
+        return self._shifted(self._device.pair())
+
+    def depth(self) -> Any:
+        """The latest frame of a depth camera."""
+        return self._shifted(self._device.depth())
+
+    def _shifted(self, stamped: Any) -> Any:
+        return stamped and stamped._replace(t_s=stamped.t_s + self._shift_s)
 
 
 def source_urls(platform: Platform, used: Sequence[str], overrides: Sequence[str]) -> dict[str, str]:

@@ -24,8 +24,7 @@ RATE: Final[Options] = {"rate_hz": Number(0.1, 1000.0)}
 GREY: Final = "grey"
 PIXELS: Final[Options] = {"pixels": frozenset({"colour", GREY})}
 """Whether a camera keeps its colours, which is the default, or only grey values."""
-DELAY_S: Final = "delay_s"
-DELAY: Final[Options] = {DELAY_S: Number(0.0, 1.0)}
+DELAY: Final[Options] = {"delay_s": Number(0.0, 1.0)}
 REPLAY: Final[Options] = {"skip_s": Number(0.0, 1e6)}
 YAW: Final[Options] = {"yaw_deg": Number(-360.0, 360.0)}
 DEPTHS: Final[Options] = {"min_m": Number(0.0, 100.0), "max_m": Number(0.1, 1000.0)}
@@ -52,10 +51,6 @@ class SourceUrl(NamedTuple):
     def number(self, name: str, default: float) -> float:
         """An option that is a number."""
         return float(self.options.get(name, default))
-
-    def delayed(self, by_s: float) -> "SourceUrl":
-        """The source with an age of its data's stamps that is greater by this, s; less for a negative number."""
-        return self._replace(options={**self.options, DELAY_S: repr(self.number(DELAY_S, 0.0) + by_s)})
 
     @property
     def is_grey(self) -> bool:

@@ -20,5 +20,14 @@ def before_a_wall() -> Course:
 
 def depth_platform() -> str:
     """The Pelican that flies by satellites, with a depth camera, as the page of sensors has it."""
-    section = PAGE.read_text(encoding="utf-8").partition("## Depth cameras")[2]
+    return _platform("## Depth cameras")
+
+
+def lidar_platform() -> str:
+    """The same with a 3D scanner."""
+    return _platform("### 3D scanners")
+
+
+def _platform(heading: str) -> str:
+    section = PAGE.read_text(encoding="utf-8").partition(heading)[2]
     return section.partition("```yaml\n")[2].partition("```")[0]

@@ -1,4 +1,4 @@
-"""The Pelican with a depth camera among what stands in its way: around it, before it, and, without one, in it."""
+"""The Pelican with a depth camera, or a 3D scanner, among what stands in its way: around it, before it, and, without one, in it."""
 
 from pathlib import Path
 
@@ -46,3 +46,18 @@ def test_where_no_way_leads_round_it_stops_before_it_and_says_so(flight: Card, t
     assert flight.state("sweep") == "failed"
     assert flight.was_told("an obstacle blocks the path")
     assert ruler.nearest.hull_m >= courses.NEAREST_M
+
+
+def test_it_flies_around_a_box_that_its_3d_scanner_shows(flight: Card, tmp_path: Path) -> None:
+    ruler = courses.fly(flight, depth.behind_a_box(), tmp_path, platform=depth.lidar_platform(), seed=SEED)
+    assert flight.state("sweep") == "done"
+    assert ruler.nearest.hull_m >= courses.NEAREST_M
+
+
+def test_when_its_3d_scanner_is_lost_it_stops_and_flies_on_when_it_is_back(flight: Card, tmp_path: Path) -> None:
+    lost = ["device:lidar=lost@9..14"]
+    ruler = courses.fly(flight, depth.behind_a_box(), tmp_path, platform=depth.lidar_platform(), seed=SEED, faults=lost)
+    assert flight.state("sweep") == "done"
+    assert ruler.nearest.hull_m >= courses.NEAREST_M
+    standing = [x for t_s, (x, _, _) in ruler.places_m if 12.0 < t_s < 14.0]
+    assert max(standing) - min(standing) < 0.2

@@ -70,6 +70,8 @@ class PointCloud(Message, frozen=True):
     """What is farther away is not measured."""
     is_valid: bool = True
     reason: str = ""
+    ages_s: bytes = b""
+    """How long before the cloud's time each point was measured, as 32-bit floats in seconds; empty for all at once."""
 
 
 CELL_UNKNOWN: Final = 0

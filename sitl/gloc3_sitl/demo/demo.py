@@ -42,6 +42,8 @@ POLL_PERIOD_S: Final = 0.05
 LAST_LINES: Final = 5
 EXIT_FAILED: Final = 1
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
+NOT_SERVED: Final = ("estimator", "lidar")
+"""Simulated devices of flights in virtual time alone."""
 DVL: Final = "dvl"
 PATIENCE: Final = 3.0
 """Multiple of the estimated duration (plus two minutes) after which an unattended flight is aborted."""
@@ -294,7 +296,7 @@ def sensed(platform: Platform, port: int, dvl_port: int) -> list[str]:
     """
     used = _used(platform)
     places = dict.fromkeys(SIM_DEVICES, f"tcp://127.0.0.1:{port}")
-    places |= {"imu": "autopilot://", DVL: f"a50://127.0.0.1:{dvl_port}"}
+    places |= {"imu": "autopilot://", DVL: f"a50://127.0.0.1:{dvl_port}", **dict.fromkeys(NOT_SERVED, "none://")}
     return [f"{name}={place}" for name, place in places.items() if name in used]
 
 

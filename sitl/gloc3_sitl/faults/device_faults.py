@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gloc3.messages.frames import GeoPoint, TangentPlane, Vector3
-from gloc3.messages.perception import BottomVelocity, DepthImage, EstimatorPose, LaserScan
+from gloc3.messages.perception import BottomVelocity, DepthImage, EstimatorPose, LaserScan, PointCloud
 from gloc3.messages.vehicle import Image
 from gloc3_sitl.physics.truth import Truth
 
@@ -47,6 +47,13 @@ class FaultyScan(NamedTuple):
     scan: LaserScan
 
 
+class FaultyCloud(NamedTuple):
+    """A turn of a 3D scanner with its time, as its sampler reads it."""
+
+    t_s: float
+    cloud: PointCloud
+
+
 class Bottom(NamedTuple):
     """A velocity over the floor with its time, as a DVL sampler reads it."""
 
@@ -77,7 +84,7 @@ class DeviceFault(NamedTuple):
     """Seconds of `late` and `old`, share of `scaled`, metres of `step`."""
 
 
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyDepth, FaultyScan, Bottom, FaultyReading, Estimated)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyDepth, FaultyScan, FaultyCloud, Bottom, FaultyReading, Estimated)
 
 ALL: Final = ("lost", "stuck", "late", "old", "scaled", "step")
 """In this order: no data; repeated data with new times; late data; late data with new times; measured motion too long
@@ -139,6 +146,8 @@ def corrupted(used: T, fault: DeviceFault | None) -> T:
         return used
     if isinstance(used, FaultyDepth):
         return used._replace(depth=_corrupted_depth(used.depth, fault, used.t_s))
+    if isinstance(used, FaultyCloud):
+        return used._replace(cloud=_corrupted_cloud(used.cloud, fault))
     if isinstance(used, Bottom):
         return used._replace(bottom=_corrupted_bottom(used.bottom, fault))
     if fault is None or (fault.word in ALL and not (isinstance(used, FaultyScan) and fault.word == "scaled")):
@@ -227,6 +236,14 @@ def _corrupted_scan(scan: LaserScan, fault: DeviceFault, t_s: float) -> LaserSca
         "garbage": lambda: _random(scan.scanner, t_s).uniform(0.0, scan.range_max_m, len(ranges)),
     }
     return msgspec.structs.replace(scan, ranges_m=spoils[fault.word]().astype("<f4").tobytes())
+
+
+def _corrupted_cloud(cloud: PointCloud, fault: DeviceFault | None) -> PointCloud:
+    if fault is None or fault.word != "scaled":
+        return cloud
+    origin = np.tile(np.array(cloud.origin_frd_m), len(cloud.data) // 12)
+    points = origin + (1.0 + size_of(fault)) * (np.frombuffer(cloud.data, "<f4") - origin)
+    return msgspec.structs.replace(cloud, data=points.astype("<f4").tobytes())
 
 
 def _random(name: str, t_s: float) -> np.random.Generator:

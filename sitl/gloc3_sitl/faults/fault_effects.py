@@ -15,7 +15,7 @@ from gloc3_sitl.faults.operator_faults import OPERATOR
 from gloc3_sitl.faults.topic_faults import TOPIC_WORDS, check_topic, corrupt_topic
 from gloc3_sitl.firmware.in_step import SENSORS as FLOWN_BY
 from gloc3_sitl.flight.flight import Flight
-from gloc3_sitl.flight.sim_devices import NoDevice, SimDepthCamera, SimDvl, SimEstimator, SimLaser, SimProbe
+from gloc3_sitl.flight.sim_devices import NoDevice, SimDepthCamera, SimDvl, SimEstimator, SimLaser, SimLidar, SimProbe
 from gloc3_sitl.flight.sim_imu import IMU, SimImu
 from gloc3_sitl.flight.sim_rig import SimDevice
 from gloc3_sitl.physics.wind import gusty
@@ -212,7 +212,7 @@ def words_of(name: str, device: SimDevice | SimImu) -> tuple[str, ...]:
         return (*ALL, *LASER)
     if isinstance(device, SimDepthCamera):
         return (*ALL, *DEPTH)
-    if isinstance(device, SimDvl | SimProbe | SimEstimator):
+    if isinstance(device, SimLidar | SimDvl | SimProbe | SimEstimator):
         return ALL
     return (*ALL, *CAMERA, *(_LIGHTS if name == "tracker_camera" else ()))
 

@@ -10,6 +10,7 @@ from gloc3_sitl.faults.device_faults import (
     Bottom,
     DeviceFault,
     Estimated,
+    FaultyCloud,
     FaultyDepth,
     FaultyFrame,
     FaultyReading,
@@ -28,11 +29,11 @@ from gloc3_sitl.world import World
 from gloc3_sitl.world.camera import SimulatedCamera
 from gloc3_sitl.world.depth_camera import SimulatedDepthCamera
 from gloc3_sitl.world.field_probe import FieldProbe
-from gloc3_sitl.world.laser import LaserModel, LaserScanner
+from gloc3_sitl.world.laser import LaserModel, LaserScanner, LidarModel, LidarScanner
 from gloc3_sitl.world.tracker import TrackerCamera
 
 Ready = Callable[[], None]
-T = TypeVar("T", FaultyFrame, PairExposure, FaultyDepth, FaultyScan, Bottom, FaultyReading, Estimated)
+T = TypeVar("T", FaultyFrame, PairExposure, FaultyDepth, FaultyScan, FaultyCloud, Bottom, FaultyReading, Estimated)
 
 _KEPT: Final = 64
 """How many instants a trigger remembers, for devices that are late."""
@@ -203,6 +204,26 @@ class SimLaser(_Device[FaultyScan]):
 
     def _capture(self, truth: Truth) -> FaultyScan:
         return FaultyScan(truth.t_s, self.scanner.scan(truth))
+
+    def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
+        """Ranges of a scaled scanner are too long; its position is right."""
+        return truth if fault is not None and fault.word == "scaled" else super()._seen_from(truth, fault, begin)
+
+
+class SimLidar(_Device[FaultyCloud]):
+    """A 3D scanner."""
+
+    def __init__(self, world: World, model: LidarModel, trigger: CaptureTrigger, seed: int) -> None:
+        super().__init__(trigger)
+        self.scanner: Final = LidarScanner(world, model, seed)
+        """What it scans with."""
+
+    def cloud(self) -> FaultyCloud | None:
+        """The latest turn; None before the first."""
+        return self._newest()
+
+    def _capture(self, truth: Truth) -> FaultyCloud:
+        return FaultyCloud(truth.t_s, self.scanner.turn(truth))
 
     def _seen_from(self, truth: Truth, fault: DeviceFault | None, begin: Truth) -> Truth:
         """Ranges of a scaled scanner are too long; its position is right."""

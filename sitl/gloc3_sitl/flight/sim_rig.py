@@ -13,6 +13,7 @@ from gloc3_sitl.flight.sim_devices import (
     SimDvl,
     SimEstimator,
     SimLaser,
+    SimLidar,
     SimProbe,
     SimStereoCamera,
 )
@@ -31,6 +32,7 @@ SIM_DEVICES: Final = (
     "gimbal_camera",
     "depth_camera",
     "laser",
+    "lidar",
     "dvl",
     "estimator",
 )
@@ -38,7 +40,9 @@ SIM_DEVICES: Final = (
 PROBE: Final = "_probe"
 """End of the names of probes: `co2_probe` measures the field `co2` of the world."""
 
-SimDevice = SimCamera | SimStereoCamera | SimDepthCamera | SimLaser | SimDvl | SimProbe | SimEstimator | NoDevice
+SimDevice = (
+    SimCamera | SimStereoCamera | SimDepthCamera | SimLaser | SimLidar | SimDvl | SimProbe | SimEstimator | NoDevice
+)
 
 
 class SimRig:
@@ -82,6 +86,7 @@ class SimRig:
                 SimulatedDepthCamera(world, rig.DEPTH, rig.DEPTH_IMAGER, seed), trigger(rig.DEPTH_IMAGER.rate_hz)
             ),
             "laser": SimLaser(world, rig.LASER, trigger(rig.LASER.rate_hz), seed),
+            "lidar": SimLidar(world, rig.LIDAR, trigger(rig.LIDAR.rate_hz), seed),
             "dvl": SimDvl(trigger(dvl.RATE_HZ), seed),
             "estimator": SimEstimator(trigger(estimator.RATE_HZ), seed),
         }

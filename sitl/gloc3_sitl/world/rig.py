@@ -1,4 +1,4 @@
-"""Cameras, lenses, depth camera and laser scanner of the example vehicles.
+"""Cameras, lenses, depth camera and laser scanners of the example vehicles.
 
 The platform files name the same calibration; a real vehicle brings its own files.
 """
@@ -10,7 +10,7 @@ from gloc3.camera.model import CameraModel, Lens
 from gloc3.messages.frames import from_euler
 from gloc3_sitl.world.depth_camera import DepthImager
 from gloc3_sitl.world.imager import Imager
-from gloc3_sitl.world.laser import LaserModel
+from gloc3_sitl.world.laser import LaserModel, LidarModel
 
 BASELINE_M: Final = 0.15
 """Between the two eyes of the stereo pair."""
@@ -76,6 +76,9 @@ TRACKER_IMAGER: Final = Imager(name="tracker", noise_grey=2.5, sensitivity=0.25)
 
 LASER: Final = LaserModel()
 """Laser scanner on top of the vehicle: full turn, 1 degree, 30 m, 10 mm."""
+
+LIDAR: Final = LidarModel()
+"""3D scanner on top of the vehicle: 16 beams from 15 degrees below to 15 above, 30 m, 20 mm."""
 
 DEPTH: Final = CameraModel(
     width=160, height=90, focal_px=(84.0, 84.0), center_px=(79.5, 44.5), position_frd_m=(0.12, 0.0, -0.02)

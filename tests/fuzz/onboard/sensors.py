@@ -115,8 +115,10 @@ def velodyne_packets(data: bytes) -> None:
             with suppress(ValueError):
                 found = turns.add(packet_of(datagram))
                 if found is not None:
-                    assert np.isfinite(found).all()
-                    assert (np.linalg.norm(found, axis=1) < 100.1).all()
+                    assert np.isfinite(found.points).all()
+                    assert (np.linalg.norm(found.points, axis=1) < 100.1).all()
+                    assert len(found.ages_s) in (0, len(found.points))
+                    assert ((found.ages_s >= 0.0) & (found.ages_s <= 0.5)).all()
 
 
 @fuzz_target("gloc3_onboard.sensors.sources.rplidar", "gloc3_onboard.sensors.sources.laser")

@@ -14,7 +14,11 @@ from gloc3_onboard.autopilot.sensors import AutopilotSensors
 from gloc3_onboard.sensors.camera_sources import shared
 from gloc3_onboard.sensors.registry import SourceHost, make_sources, parse_source, place_problem
 
-recordings = pytest.importorskip("tests.onboard.sensors.realsense_recordings", reason="pyrealsense2 is not installed")
+recordings = pytest.importorskip(
+    "tests.onboard.sensors.realsense_recordings",
+    reason="pyrealsense2 or its libusb is not installed",
+    exc_type=ImportError,
+)
 
 pytestmark = pytest.mark.sockets
 WITHIN_S = 20.0

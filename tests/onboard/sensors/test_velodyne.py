@@ -16,6 +16,7 @@ from tests.onboard.stage import Stage
 from gloc3.errors import Gloc3Error
 from gloc3.messages.perception import PointCloud
 from gloc3.messages.vehicle import HeightAboveGround, ObstacleScan
+from gloc3_onboard.algorithms.scan_matching.scan_points import cloud_fault
 from gloc3_onboard.components.processors.cloud_obstacles import CloudObstacleProcessor, CloudObstacleSettings
 from gloc3_onboard.components.samplers.lidar import LidarSampler, LidarSettings
 from gloc3_onboard.sensors.devices import StampedCloud
@@ -65,7 +66,7 @@ def test_a_scanners_packet_has_the_points_that_another_decoder_finds() -> None:
     found = [assembler.add(packet_of(packet(first_deg, BLOCK[4:]))) for first_deg in (300.0, 103.42, 0.0)]
     assert found[:2] == [None, None], "the turn that was under way is not whole"
     assert found[2] is not None
-    flu = found[2] * (1.0, -1.0, -1.0)
+    flu = found[2].points * (1.0, -1.0, -1.0)
     assert len(flu) == 252
     expected = [[-0.3562, -1.4918, 0.026], [-0.3642, -1.5229, 0.0799], [-0.3172, -1.3254, 0.1156]]
     assert flu[:3] == pytest.approx(np.array(expected), abs=2e-4)
@@ -137,6 +138,10 @@ def test_turns_over_udp_are_clouds_on_the_body_and_obstacles_for_the_limiter() -
     assert (cloud.sensor, cloud.origin_frd_m, cloud.range_max_m) == ("lidar", (0.1, 0.0, -0.2), 20.0)
     seen = points(cloud) - cloud.origin_frd_m
     assert len(seen) == pytest.approx(75 * 12 * 32, rel=0.05)
+    ages_s = np.frombuffer(cloud.ages_s, "<f4")
+    assert len(ages_s) == len(seen)
+    turned = np.degrees(np.arctan2(seen[:, 1], seen[:, 0])) - 90.0  # since the turn began on the vehicle's right
+    assert ages_s == pytest.approx(75 * 1327e-6 * (1.0 - (turned + 1e-4) % 360.0 / 360.0), abs=3e-3)
     level_m = np.hypot(seen[:, 0], seen[:, 1])
     bearings = np.degrees(np.arctan2(seen[:, 1], seen[:, 0]))
     is_behind = np.abs(np.abs(bearings) - 180.0) < 25.0  # the scanner's right is the vehicle's back
@@ -148,6 +153,31 @@ def test_turns_over_udp_are_clouds_on_the_body_and_obstacles_for_the_limiter() -
     found = stage.last(ObstacleScan)
     assert found.is_valid, found.reason
     assert found.closest_m == pytest.approx(0.9, abs=0.15)
+
+
+def test_a_clock_that_is_set_in_a_turn_tells_no_ages() -> None:
+    assembler = TurnAssembler(0.5, 100.0)
+    found = []
+    for number in range(160):
+        read = packet_of(room(4.8 * number, 1327 * number))
+        found.append(assembler.add(read._replace(stamp_us=read.stamp_us + (9_000_000 if number > 100 else 0))))
+    (turn,) = filter(None, found)
+    assert len(turn.points) > 75 * 12 * 30
+    assert len(turn.ages_s) == 0
+
+
+@pytest.mark.parametrize(
+    ("ages_s", "why"),
+    [
+        (bytes(4), "4 bytes are not an age of 4 bytes for each of 2 points"),
+        (np.array([0.1, np.nan], "<f4").tobytes(), "an age of a point is not from 0 to 1 s"),
+        (np.array([-0.1, 0.1], "<f4").tobytes(), "an age of a point is not from 0 to 1 s"),
+    ],
+)
+def test_ages_that_cannot_be_are_refused(ages_s: bytes, why: str) -> None:
+    cloud = PointCloud(sensor="lidar", data=bytes(24), ages_s=ages_s)
+    assert cloud_fault(cloud) == why
+    assert not cloud_fault(PointCloud(sensor="lidar", data=bytes(24), ages_s=bytes(8)))
 
 
 @pytest.mark.sockets

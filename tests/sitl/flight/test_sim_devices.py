@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from gloc3.clock import run_virtual
+from gloc3.messages.perception import PointCloud
 from gloc3_sitl.faults.device_faults import DeviceFault
-from gloc3_sitl.flight.sim_devices import NoDevice, SimCamera, SimLaser, SimProbe, SimStereoCamera
+from gloc3_sitl.flight.sim_devices import NoDevice, SimCamera, SimLaser, SimLidar, SimProbe, SimStereoCamera
 from gloc3_sitl.flight.sim_rig import SIM_DEVICES, SimRig
 from gloc3_sitl.physics.truth import Truth
 from gloc3_sitl.vehicles.simulator import Simulator, SimulatorSettings
@@ -168,6 +169,33 @@ def test_a_world_without_a_tracker_has_none() -> None:
         assert device.frame() is None
 
     run(test, world="open")
+
+
+def test_the_3d_scanner_gives_each_turn_once_and_can_fail() -> None:
+    async def test(sims: SimRig, simulator: Simulator) -> None:
+        lidar = sims.devices["lidar"]
+        assert isinstance(lidar, SimLidar)
+        lidar.open()
+        await asyncio.sleep(0.35)
+        first = lidar.cloud()
+        assert first is not None
+        assert lidar.cloud() is first
+        ranges = [np.linalg.norm(_points(first.cloud) - first.cloud.origin_frd_m, axis=1)]
+        for word in ("scaled", "lost"):
+            lidar.fault = DeviceFault(word, 0.5 if word == "scaled" else None)
+            await asyncio.sleep(0.2)
+            found = lidar.cloud()
+            assert found is not None
+            ranges.append(np.linalg.norm(_points(found.cloud) - found.cloud.origin_frd_m, axis=1))
+        assert np.median(ranges[1]) == pytest.approx(1.5 * np.median(ranges[0]), rel=0.02)
+        assert np.array_equal(ranges[2], ranges[1]), "a lost scanner has its last turn"
+        lidar.close()
+
+    run(test)
+
+
+def _points(cloud: PointCloud) -> "np.ndarray[tuple[int, ...], np.dtype[np.float32]]":
+    return np.frombuffer(cloud.data, "<f4").reshape(-1, 3)
 
 
 def test_each_field_of_a_world_has_a_probe_which_can_fail(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from gloc3.messages.frames import Vector3, rotate_back, to_euler
 from gloc3.messages.perception import LaserScan
 from gloc3.messages.vehicle import HeightAboveGround, Pose
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
-from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt
+from gloc3_onboard.algorithms.scan_matching.scan_points import Mount, Tilt, Twist
 
 
 class PlacementSettings(Settings, frozen=True):
@@ -45,6 +45,7 @@ class ScanPlacement(NamedTuple):
     """During the scan, in the axes of the body."""
     height_m: float
     """Above the origin of the pose's frame."""
+    twist: Twist
 
 
 def place_scan(
@@ -77,10 +78,12 @@ def place_body(
         at + speed * later_s for at, speed in zip(place.position_ned_m, place.velocity_ned_m_s, strict=True)
     )
     rate = place.rate_frd_rad_s[2]
-    forward, right, _ = rotate_back(place.ned_from_frd, place.velocity_ned_m_s)
+    velocity_frd_m_s = rotate_back(place.ned_from_frd, place.velocity_ned_m_s)
+    forward, right, _ = velocity_frd_m_s
     return ScanPlacement(
         Tilt(roll, pitch, above_m),
         Planar(north, east, yaw + rate * later_s),
         Planar(forward, right, rate).part(duration_s),
         -down,
+        Twist(velocity_frd_m_s, place.rate_frd_rad_s),
     )

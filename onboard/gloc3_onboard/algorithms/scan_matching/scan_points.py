@@ -14,6 +14,8 @@ FEWEST_BEAMS: Final = 20
 FLOOR_M: Final = 0.15
 """What is lower than this above the floor, and a share of its distance, is taken for the floor."""
 FLOOR_SHARE: Final = 0.02
+OLDEST_S: Final = 1.0
+"""Greatest age of a point of a cloud: a turn of the slowest scanner takes 0.2 s."""
 
 
 class Tilt(NamedTuple):
@@ -31,6 +33,13 @@ class Mount(NamedTuple):
     position_frd_m: Vector3 = (0.0, 0.0, 0.0)
     yaw_rad: float = 0.0
     """Direction of the middle beam, clockwise seen from above, rad."""
+
+
+class Twist(NamedTuple):
+    """Velocity and turn rate of the body, on its axes at the time of a cloud."""
+
+    velocity_frd_m_s: Vector3 = (0.0, 0.0, 0.0)
+    rate_frd_rad_s: Vector3 = (0.0, 0.0, 0.0)
 
 
 class ScanPoints(NamedTuple):
@@ -127,17 +136,27 @@ def cloud_fault(cloud: PointCloud) -> str:
     """Why a cloud cannot be used; empty if it can. One without points can: so it is in the open."""
     if not cloud.is_valid:
         return cloud.reason or "the sensor says that its points are not valid"
-    return f"{len(cloud.data)} bytes are not points of 12 bytes" if len(cloud.data) % 12 else ""
+    if len(cloud.data) % 12:
+        return f"{len(cloud.data)} bytes are not points of 12 bytes"
+    if not cloud.ages_s:
+        return ""
+    if 3 * len(cloud.ages_s) != len(cloud.data):
+        return f"{len(cloud.ages_s)} bytes are not an age of 4 bytes for each of {len(cloud.data) // 12} points"
+    ages = np.frombuffer(cloud.ages_s, "<f4")
+    return "" if ((ages >= 0.0) & (ages <= OLDEST_S)).all() else f"an age of a point is not from 0 to {OLDEST_S:g} s"
 
 
-def level_points(cloud: PointCloud, tilt: Tilt) -> LevelPoints:
-    """The points of a usable cloud that are numbers.
+def level_points(cloud: PointCloud, tilt: Tilt, twist: Twist) -> LevelPoints:
+    """The points of a usable cloud that are numbers, as seen at its time.
 
     Args:
         cloud: it.
         tilt: how the body stood.
+        twist: how it moved, by which earlier points are moved back.
     """
     points = np.frombuffer(cloud.data, "<f4").astype(np.float64).reshape(-1, 3)
+    if cloud.ages_s:
+        points = _deskewed(points, np.frombuffer(cloud.ages_s, "<f4").astype(np.float64)[:, None], twist)
     points = points[np.isfinite(points).all(axis=1)]
     sr, cr, sp, cp = sin(tilt.roll_rad), cos(tilt.roll_rad), sin(tilt.pitch_rad), cos(tilt.pitch_rad)
     level_from_frd = np.array(((cp, sp * sr, sp * cr), (0.0, cr, -sr), (-sp, cp * sr, cp * cr)))
@@ -147,6 +166,18 @@ def level_points(cloud: PointCloud, tilt: Tilt) -> LevelPoints:
         away_m = np.linalg.norm(points - origin, axis=1)
         is_floor = tilt.height_m - points[:, 2] <= FLOOR_M + FLOOR_SHARE * away_m
     return LevelPoints(points, is_floor, origin)
+
+
+def _deskewed(points: Array, ages_s: Array, twist: Twist) -> Array:
+    """Points on the axes of a body that has moved evenly since they were seen, (n, 3); ages (n, 1). Turns by Rodrigues."""
+    rate = np.array(twist.rate_frd_rad_s)
+    rate_rad_s = float(np.linalg.norm(rate))
+    if rate_rad_s > 0.0:
+        axis, angle = -rate / rate_rad_s, rate_rad_s * ages_s
+        along = (points @ axis)[:, None] * axis
+        points = along + np.cos(angle) * (points - along) + np.sin(angle) * np.cross(axis, points)
+    moved: Array = points - ages_s * np.array(twist.velocity_frd_m_s)
+    return moved
 
 
 def _moved_back(forward: Array, right: Array, shares: Array, motion: Planar) -> tuple[Array, Array]:

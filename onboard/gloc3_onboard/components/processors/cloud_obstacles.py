@@ -80,6 +80,6 @@ class CloudObstacleProcessor(DataProcessor[CloudObstacleSettings]):
         if pose.payload.reset_counter != self._reset_counter:
             self._reset_counter = pose.payload.reset_counter
             self._memory.clear()
-        seen_rad = self._memory.add(level_points(cloud, placed.tilt), placed.pose, envelope.t_s)
+        seen_rad = self._memory.add(level_points(cloud, placed.tilt, placed.twist), placed.pose, envelope.t_s)
         range_m = min(cloud.range_max_m or math.inf, self.settings.range_m)
         return obstacles_at(self._memory.around(placed.pose), seen_rad, placed.pose, placed.height_m, range_m)

@@ -145,7 +145,7 @@ def _hits_ned_m(scan: LaserScan | PointCloud, placed: ScanPlacement, settings: M
         found = points_of(scan, placed.tilt, settings.mount, placed.motion)
         hits = np.column_stack((placed.pose.apply(found.points_m), found.below_m - placed.height_m))
         return max(1, round(2.0 * math.pi / abs(scan.angle_step_rad))), [hits]
-    seen = level_points(scan, placed.tilt)
+    seen = level_points(scan, placed.tilt, placed.twist)
     points = seen.points_m[~seen.is_floor]
     hits = np.column_stack((placed.pose.apply(points[:, :2]), points[:, 2] - placed.height_m))
     levels = np.floor(-hits[:, 2] / settings.layer_m)

@@ -38,8 +38,12 @@ HEIGHTS_M: Final[Floats] = 1e-3 * np.array(
     (11.2, -0.7, 9.7, -2.2, 8.1, -3.7, 6.6, -5.1, 5.1, -6.6, 3.7, -8.1, 2.2, -9.7, 0.7, -11.2)
 )
 """How far above the middle each beam begins."""
-SHARES: Final[Floats] = ((55.296 * np.arange(2)[:, None] + 2.304 * np.arange(16)) / 110.592).ravel()
+BLOCK_US: Final = 110.592
+"""From one block to the next, or from one pair to the next."""
+SHARES: Final[Floats] = ((55.296 * np.arange(2)[:, None] + 2.304 * np.arange(16)) / BLOCK_US).ravel()
 """When each of the 32 values of a block was measured, as a share of the time until the next one."""
+LONGEST_S: Final = 0.5
+"""A turn takes 0.2 s at most; where it seems to take longer, the scanner's clock has been set in it."""
 MOST_POINTS: Final = 200_000
 """Points of a turn that does not end."""
 BACK_RAD: Final = math.radians(10.0)
@@ -56,6 +60,8 @@ class LidarPacket(NamedTuple):
 
     stamp_us: int
     """Time of its first value since the full hour."""
+    delays_us: Floats
+    """How long after it each value was measured, (12, 32)."""
     azimuths_rad: Floats
     """Direction of each value, clockwise from the side opposite to the cable, (12, 32)."""
     distances_m: Floats
@@ -82,9 +88,21 @@ def packet_of(data: bytes) -> LidarPacket:
     steps = np.concatenate((steps, steps[-pace:]))
     return LidarPacket(
         int.from_bytes(data[-6:-2], "little"),
+        BLOCK_US * ((np.arange(BLOCKS) // pace)[:, None] + SHARES),
         azimuths[:, None] + steps[:, None] * SHARES,
         blocks["values"]["distance"] * UNIT_M,
     )
+
+
+class LidarTurn(NamedTuple):
+    """One turn of a scanner."""
+
+    points: Floats
+    """Forward, right, down of the scanner, (n, 3)."""
+    ages_s: Floats
+    """How long before its end each point was measured, (n,); none where the scanner's clock was set in it."""
+    end_us: float
+    """Time of its end, as of the packets' stamps."""
 
 
 class TurnAssembler:
@@ -97,13 +115,14 @@ class TurnAssembler:
     def __init__(self, near_m: float, far_m: float) -> None:
         self._near_m, self._far_m = near_m, far_m
         self._points: list[Floats] = []
+        self._times_us: list[Floats] = []
         self._count = 0
         self._is_whole = False
         """Whether the turn has been received from its begin on."""
         self._before_rad = 0.0
 
-    def add(self, packet: LidarPacket) -> Floats | None:
-        """Adds a packet; returns the points of a turn that it ends: forward, right, down of the scanner, (n, 3)."""
+    def add(self, packet: LidarPacket) -> LidarTurn | None:
+        """Adds a packet; returns the turn that it ends."""
         directions = packet.azimuths_rad[:, 0]
         steps = np.diff(directions, prepend=self._before_rad)
         self._before_rad = float(directions[-1])
@@ -112,8 +131,9 @@ class TurnAssembler:
             self._keep(packet, slice(None))
             return None
         self._keep(packet, slice(None, starts[0]))
-        turn = np.concatenate(self._points) if self._is_whole else None
-        self._points, self._count, self._is_whole = [], 0, True
+        end_us = packet.stamp_us + float(packet.delays_us[starts[0], 0])
+        turn = self._turn(end_us) if self._is_whole else None
+        self._clear(is_whole=True)
         self._keep(packet, slice(starts[0], None))
         return turn
 
@@ -129,13 +149,22 @@ class TurnAssembler:
         )
         self._count += len(points)
         if self._count > MOST_POINTS:
-            self._points, self._count, self._is_whole = [], 0, False
+            self._clear(is_whole=False)
             return
         self._points.append(points)
+        self._times_us.append(packet.stamp_us + packet.delays_us[blocks][is_kept])
+
+    def _clear(self, *, is_whole: bool) -> None:
+        self._points, self._times_us, self._count, self._is_whole = [], [], 0, is_whole
+
+    def _turn(self, end_us: float) -> LidarTurn:
+        ages_s = 1e-6 * (end_us - np.concatenate(self._times_us))
+        is_even = ((ages_s >= 0.0) & (ages_s <= LONGEST_S)).all()
+        return LidarTurn(np.concatenate(self._points), ages_s if is_even else ages_s[:0], end_us)
 
 
 class VelodyneLidar(ThreadedSource[StampedCloud]):
-    """A VLP-16 whose datagrams come to this computer. A turn has the time of its last packet.
+    """A VLP-16 whose datagrams come to this computer. A turn has the time of its end.
 
     Args:
         request: `velodyne://HOST:PORT`, where we listen.
@@ -185,17 +214,19 @@ class VelodyneLidar(ThreadedSource[StampedCloud]):
             if packet.stamp_us < before_us - HOUR_US // 2:
                 lap_us += HOUR_US
             before_us = packet.stamp_us
-            t_s = clock.t_s((lap_us + packet.stamp_us) * 1e-3, self.now_s())
-            points = turns.add(packet)
-            if points is None:
+            packet = packet._replace(stamp_us=lap_us + packet.stamp_us)
+            t_s = clock.t_s(packet.stamp_us * 1e-3, self.now_s())
+            turn = turns.add(packet)
+            if turn is None:
                 continue
             cloud = PointCloud(
                 sensor=self.name,
-                data=self._mount.placed(points).astype("<f4").tobytes(),
+                data=self._mount.placed(turn.points).astype("<f4").tobytes(),
+                ages_s=turn.ages_s.astype("<f4").tobytes(),
                 origin_frd_m=self._mount.position_frd_m,
                 range_max_m=far_m,
             )
-            yield StampedCloud(t_s, cloud)
+            yield StampedCloud(t_s + 1e-6 * (turn.end_us - packet.stamp_us), cloud)
 
 
 SOURCES: Final = (

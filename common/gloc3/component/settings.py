@@ -3,9 +3,10 @@
 import ast
 import inspect
 import math
-import textwrap
+import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import msgspec
@@ -91,16 +92,33 @@ def field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:
     return docs
 
 
+def _own_field_docs(struct: type[msgspec.Struct]) -> Mapping[str, str]:
+    return _docs_of_classes(struct.__module__).get(struct.__qualname__, {})
+
+
 @cache
-def _own_field_docs(struct: type[msgspec.Struct]) -> dict[str, str]:
-    docs: dict[str, str] = {}
+def _docs_of_classes(module: str) -> dict[str, dict[str, str]]:
+    """Documentation strings under the fields of a module's classes, by the qualified name of each."""
     try:
-        body = ast.parse(textwrap.dedent(inspect.getsource(struct))).body[0]
-    except (OSError, TypeError, SyntaxError):  # made at run time, or installed without its source
-        return docs
-    if not isinstance(body, ast.ClassDef):
-        return docs
-    for field, below in zip(body.body, body.body[1:], strict=False):
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (KeyError, OSError, TypeError, SyntaxError):  # made at run time, or installed without its source
+        return {}
+    return {name: _docs_in(body) for name, body in _classes(tree.body, "")}
+
+
+def _classes(statements: list[ast.stmt], place: str) -> Iterator[tuple[str, list[ast.stmt]]]:
+    """The classes among some statements and in them, each with its qualified name and body."""
+    for one in statements:
+        if isinstance(one, ast.ClassDef):
+            yield place + one.name, one.body
+            yield from _classes(one.body, f"{place}{one.name}.")
+        elif isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield from _classes(one.body, f"{place}{one.name}.<locals>.")
+
+
+def _docs_in(body: list[ast.stmt]) -> dict[str, str]:
+    docs: dict[str, str] = {}
+    for field, below in pairwise(body):
         if (
             isinstance(field, ast.AnnAssign)
             and isinstance(field.target, ast.Name)

@@ -53,13 +53,16 @@ class Senders(Generic[Place]):
 
     def __init__(self) -> None:
         self._known: dict[Address, tuple[Place, float]] = {}
+        """In the order in which they were received last."""
 
     def receive(self, sender: Address, place: Place, now_s: float) -> None:
-        """Notes a sender; without room for a new one, those that are lost make room."""
-        if sender not in self._known and len(self._known) >= MOST_SENDERS:
-            self._known = {one: seen for one, seen in self._known.items() if now_s - seen[1] < SENDER_LOST_S}
-        if sender in self._known or len(self._known) < MOST_SENDERS:
-            self._known[sender] = place, now_s
+        """Notes a sender; without room for a new one, the one that was received longest ago makes room if it is lost."""
+        if self._known.pop(sender, None) is None and len(self._known) >= MOST_SENDERS:
+            oldest = next(iter(self._known))
+            if self.has(oldest, now_s):
+                return
+            del self._known[oldest]
+        self._known[sender] = place, now_s
 
     def has(self, sender: Address, now_s: float) -> bool:
         """Whether a sender is received."""

@@ -137,8 +137,10 @@ def test_what_is_remembered_is_bounded() -> None:
         senders.receive(Address(number % 255, number // 255 % 255), 0, 1.0)
     assert len(recent._now) + len(recent._before) <= 40_000
     assert len(senders._known) <= 256
+    senders.receive(Address(0, 0), 0, 60.0)
     senders.receive(OTHER, 0, 100.0)
     assert senders.has(OTHER, 100.0), "lost ones make room"
+    assert senders.has(Address(0, 0), 100.0), "those that are received do not"
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """Main module of a child process of a host, which the main process starts and manages."""
 
 import asyncio
+import atexit
 import ctypes
+import gc
 import os
 import signal
 import socket
@@ -84,6 +86,7 @@ def main() -> int:
     """Runs as the main process commands, until it says otherwise or ends."""
     for number in (signal.SIGINT, signal.SIGTERM):  # they are meant for the main process, which leads the way out
         signal.signal(number, signal.SIG_IGN)
+    atexit.register(gc.freeze)  # as in gloc3.cli.start
     end = socket.socket(fileno=int(sys.argv[1]))
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     with suppress(OSError):  # when memory ends, a child goes before the main process, which brings it up again

@@ -409,18 +409,19 @@ class Recorder:
             values: the message, without its time.
             t_s: its time of validity; now by default.
         """
+        if not self._is_open:
+            return
         now_ns = self._offset_ns + round(self._now_s() * 1e9)
         valid_ns = now_ns if t_s is None else self._offset_ns + round(t_s * 1e9)
         data = msgspec.json.encode(stamped(values, timestamp(valid_ns)))
-
-        def write() -> None:
+        try:
             shown = self._shown.get(topic)
             if shown is None:
                 described = (schema["title"], msgspec.json.encode(schema))
                 shown = self._shown[topic] = self._writer.add_channel(topic, "json", {}, described)
             self._writer.append(shown, 0, now_ns, valid_ns, data)
-
-        self._guarded(write)
+        except OSError as error:
+            self._fail(error)
 
     def statistics(self) -> dict[str, TopicBytes]:
         """What has been recorded so far, by topic."""

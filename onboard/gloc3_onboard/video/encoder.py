@@ -1,6 +1,7 @@
 """Pictures as H.264 in RTP packets, alone or in MPEG-TS with their poses, by FFmpeg's encoder and muxers (PyAV)."""
 
 import struct
+from contextlib import suppress
 from fractions import Fraction
 from random import getrandbits
 from typing import Any, Final, NamedTuple
@@ -20,6 +21,13 @@ KEY_FRAME_S: Final = 1.0
 BIT_RATE: Final = 2_000_000
 _RATE_HZ: Final = 15
 """Assumed rate of pictures, for the encoder's budget; they may come at any."""
+SOFTWARE: Final = "libx264"
+ENCODERS: Final[dict[str, dict[str, str]]] = {
+    "h264_v4l2m2m": {},
+    "h264_nvenc": {"preset": "p1", "tune": "ull", "zerolatency": "1", "delay": "0"},
+    SOFTWARE: {"preset": "veryfast", "tune": "zerolatency", "profile": "baseline"},
+}
+"""With their options, in the order in which they are tried: those of Linux's video drivers and of NVIDIA in hardware."""
 _CONTROL: Final = range(200, 205)
 """Packet types of RTCP, which share the packetizer's output."""
 
@@ -47,11 +55,10 @@ class VideoEncoder:
         self._packets: list[bytes] = []
         options = {"packetsize": str(PACKET_BYTES), "payload_type": str(PAYLOAD_TYPE)}
         self._container: Any = self._av.open(self, "w", format="rtp", options=options)
-        codec = {"preset": "veryfast", "tune": "zerolatency", "profile": "baseline"}
-        stream = self._stream = self._container.add_stream("libx264", rate=_RATE_HZ, options=codec)
-        stream.width, stream.height, stream.pix_fmt, stream.bit_rate = width, height, "yuv420p", BIT_RATE
-        stream.codec_context.time_base = Fraction(1, CLOCK_HZ)
-        stream.codec_context.gop_size = round(_RATE_HZ * KEY_FRAME_S)
+        self.codec: Final = first_working(self._av, width, height)
+        """FFmpeg's name of it."""
+        stream = self._stream = self._container.add_stream(self.codec, rate=_RATE_HZ, options=ENCODERS[self.codec])
+        _set_up(stream.codec_context, width, height)
         self._packed = _TransportPackets()
         self._transport: Any = self._av.open(self._packed, "w", format="mpegts", options={"flush_packets": "1"})
         self._in_transport = self._transport.add_stream_from_template(stream)
@@ -129,6 +136,26 @@ class _TransportPackets:
             found.append(head + self._data[begin : begin + TRANSPORT_BYTES])
         self._data.clear()
         return found
+
+
+def first_working(av: Any, width: int, height: int) -> str:
+    """The first encoder that gives a picture of this size back at once; x264 on the processor always does."""
+    for name, options in ENCODERS.items():
+        with suppress(av.FFmpegError, ValueError):  # there is no such hardware, or it cannot do this
+            trial = av.CodecContext.create(name, "w")
+            trial.options, trial.framerate = options, _RATE_HZ
+            _set_up(trial, width, height)
+            frame = av.VideoFrame(width, height, "yuv420p")
+            frame.pts, frame.time_base = 0, Fraction(1, CLOCK_HZ)
+            if trial.encode(frame):
+                return name
+    return SOFTWARE
+
+
+def _set_up(context: Any, width: int, height: int) -> None:
+    context.width, context.height, context.pix_fmt, context.bit_rate = width, height, "yuv420p", BIT_RATE
+    context.time_base = Fraction(1, CLOCK_HZ)
+    context.gop_size = round(_RATE_HZ * KEY_FRAME_S)
 
 
 def load_av() -> Any:

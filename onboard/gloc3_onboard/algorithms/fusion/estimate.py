@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gloc3.messages.frames import GRAVITY_M_S2, Quaternion, Vector3, multiply, normalize, rotate_back
+from gloc3.messages.frames import GRAVITY_M_S2, Quaternion, Vector3, multiply, normalize, rotate, rotate_back
 from gloc3_onboard.algorithms.fusion.alignment import StartPose
 from gloc3_onboard.algorithms.fusion.error_state import (
     ACCELEROMETER,
@@ -26,6 +26,7 @@ from gloc3_onboard.algorithms.fusion.error_state import (
     past_pose,
 )
 from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
+from gloc3_onboard.algorithms.fusion.inertial_motion import InertialMotion
 from gloc3_onboard.algorithms.fusion.measurements import Measured, matrix_of
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 
@@ -57,6 +58,8 @@ class PoseEstimate:
     def __init__(self, settings: FusionSettings) -> None:
         self.inertial: Final = Inertial()
         self.errors: Final = ErrorState()
+        self.alone: Final = InertialMotion(settings.accelerometer_noise)
+        """The motion of the inertial unit alone."""
         self.clones: dict[str, tuple[Vector3, Quaternion]] = {}
         """The believed poses behind the clones of the covariance."""
         self.floor_down_m: float | None = None
@@ -104,6 +107,7 @@ class PoseEstimate:
         deviations[ROTATION] = (tilt, tilt, start.heading_std_rad)
         deviations[GYROSCOPE], deviations[ACCELEROMETER], deviations[FLOOR] = bias, _FORCE_BIAS_STD, 100.0
         self.errors.reset(deviations)
+        self.alone.clear()
         self.clones.clear()
         self.floor_down_m = None
         self._offset = self.reference_m = (0.0, 0.0, 0.0)
@@ -152,6 +156,7 @@ class PoseEstimate:
     def jolt(self, std_m_s: float) -> None:
         """Inflates the velocity covariance after an unmeasured change."""
         self.predict()
+        self.alone.clear()
         self.errors.inflate(VELOCITY, std_m_s)
 
     def predict(self) -> None:
@@ -227,7 +232,9 @@ class PoseEstimate:
         # Inject: x <- x + dx, q <- exp(dtheta) * q (Solà 2017, ch. 7); the reset Jacobian is taken as I.
         moved = (error[0], error[1], error[2])
         inertial = self.inertial
-        inertial.correct(moved, (error[3], error[4], error[5]), (error[6], error[7], error[8]))
+        velocity, turn = (error[3], error[4], error[5]), (error[6], error[7], error[8])
+        self.alone.correct(self.t_s, moved, velocity, self._acceleration(turn, (error[12], error[13], error[14])))
+        inertial.correct(moved, velocity, turn)
         p, q, r = inertial.gyroscope_bias_rad_s
         inertial.gyroscope_bias_rad_s = (p + error[9], q + error[10], r + error[11])
         x, y, z = inertial.accelerometer_bias_m_s2
@@ -241,6 +248,12 @@ class PoseEstimate:
                 _turned((a, b, c), attitude),
             )
         self._blend(moved)
+
+    def _acceleration(self, turn_rad: Vector3, bias_m_s2: Vector3) -> Vector3:
+        """Change of the acceleration by corrections of attitude and bias: dtheta x f - R db."""
+        (a, b, c), (fn, fe, fd) = turn_rad, self.inertial.force_ned_m_s2
+        north, east, down = rotate(self.inertial.now.ned_from_frd, bias_m_s2)
+        return (b * fd - c * fe - north, c * fn - a * fd - east, a * fe - b * fn - down)
 
     def _blend(self, moved: Vector3) -> None:
         x, y, z = self._offset
@@ -263,6 +276,15 @@ class PoseEstimate:
         self.floor_down_m = down_m + height_m
         self.errors.copy_floor(variance_m2)
 
+    def remember_motion(self) -> None:
+        """Keeps the state of now, to tell later what the inertial unit alone has measured since."""
+        self.predict()
+        if self._is_blind:
+            self.alone.clear()
+        else:
+            attitude = matrix_of(self.inertial.now.ned_from_frd)
+            self.alone.remember(self.t_s, self.errors.covariance, attitude, self.inertial.force_ned_m_s2)
+
     # --- doubts ---
 
     def move_over(self, by_m: Vector3, covariance: Matrix) -> None:
@@ -271,9 +293,12 @@ class PoseEstimate:
         self.errors.loosen(POSITION.start, covariance)
         self._blend(by_m)
 
-    def doubt_reference(self, apart_m: Matrix) -> None:
-        """Reports from now on that the position may be off by this vector, (3,)."""
-        north, east, down = np.maximum(np.abs(apart_m), self.reference_m).tolist()
+    def doubt_reference(self, apart_m: Matrix, std_m: Vector3) -> None:
+        """Reports from now on that the position may be off by this vector, (3,), and as uncertain as it was before.
+
+        A source of positions that was wrong does not make certain again what others have made uncertain meanwhile.
+        """
+        north, east, down = np.maximum(np.hypot(apart_m, std_m), self.reference_m).tolist()
         self.reference_m = (north, east, down)
 
     def inflate_position(self, apart_m: Vector3) -> None:
@@ -285,9 +310,15 @@ class PoseEstimate:
             shift[SIZE + axis :: CLONE] = size
             self.errors.covariance += np.outer(shift, shift)
 
+    def doubt_drag(self, apart_m: Vector3, begin_s: float) -> None:
+        """Inflates all positions by a common error, and the velocity by what has been added to it since a time."""
+        self.inflate_position(apart_m)
+        self.errors.loosen(VELOCITY.start, self.alone.corrected(begin_s)[1] ** 2)
+
     def lean(self, by_rad: Matrix, std_rad: float) -> None:
         """Turns the attitude by (2,) radians about north and east, and inflates its tilt covariance."""
         north, east = by_rad.tolist()
+        self.alone.correct(self.t_s, _NONE, _NONE, self._acceleration((north, east, 0.0), _NONE))
         self.inertial.correct(_NONE, _NONE, (north, east, 0.0))
         self.errors.loosen(ROTATION.start, np.full(2, std_rad**2))
 

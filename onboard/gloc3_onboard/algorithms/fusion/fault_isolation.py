@@ -5,29 +5,31 @@ window, the difference of two sources' sums is the disagreement between the *sou
 a bad source has pulled it. Two sources agree where that difference is explained by their covariances and by an error of
 scale that either may have. A source that disagrees with at least two others, and with more than each of these does, is
 voted out. Where two disagree and no third can decide, neither is voted out: the conflict is reported, and the pose is
-as uncertain as they differ. Long before a vote is certain, the same sums show where the estimate would be without any one
-source: the pose is at least as uncertain as that.
+as uncertain as they differ. The inertial unit has a voice of its own: which of two sources has changed its motion without
+an acceleration. Long before a vote is certain, the same sums show where the estimate would be without any one or two of
+the sources: the pose is at least as uncertain as that.
 """
 
-from bisect import bisect_left, bisect_right
-from collections import deque
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
-from itertools import combinations, islice
-from math import dist
+from itertools import combinations
+from math import dist, inf
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gloc3.messages.frames import IDENTITY, Quaternion, Vector3
+from gloc3.messages.frames import Vector3
 from gloc3_onboard.algorithms.fusion.error_state import Matrix
-from gloc3_onboard.algorithms.fusion.measurements import CHI2_999, matrix_of
+from gloc3_onboard.algorithms.fusion.inertial_motion import InertialMotion
+from gloc3_onboard.algorithms.fusion.inertial_witness import InertialWitness
+from gloc3_onboard.algorithms.fusion.measurements import CHI2_999
+from gloc3_onboard.algorithms.fusion.source_record import MEAN_S, Record
 
 _KEPT: Final = 1024
-_PULLS_S: Final = 6.0
 _WINDOWS: Final = (0.25, 0.5, 1.0)
 """Shorter windows see coarse errors sooner."""
-_MEAN_S: Final = 0.5
-"""Time over which reports are averaged at both ends of a window."""
+_CHI2_AGAIN: Final = 7.81
+"""One that was voted out agrees again below that, 95 %, three degrees of freedom: within what is usual."""
 _SEPARATED: Final = (0.25, 1.0)
 """The windows in which one source is left out: errors that begin, and errors that stay."""
 _COARSE_M2: Final = 0.1**2
@@ -65,101 +67,13 @@ class OtherAgreement(NamedTuple):
     """Of that, (3, 3)."""
 
 
-class Record:
-    """The motion that one source has reported."""
-
-    def __init__(self) -> None:
-        self.is_of_places = False
-        """Whether it is reported in NED, not in body axes, which depend on the estimated attitude."""
-        self._times: deque[float] = deque(maxlen=_KEPT)
-        self._sums: deque[tuple[float, float, float, Matrix]] = deque(maxlen=_KEPT)
-        """Of the excess; and of the covariances, each that of the last report from a reference."""
-        self._covariance: Matrix = np.eye(3)
-        self._axes: Quaternion = IDENTITY
-        self._spread: Matrix | None = None
-        self._pulls: deque[tuple[float, Vector3]] = deque(maxlen=_KEPT)
-
-    def add(
-        self,
-        t_s: float,
-        excess_ned_m: Vector3,
-        covariance: Matrix,
-        ned_from_axes: Quaternion = IDENTITY,
-        *,
-        is_new_reference: bool = False,
-    ) -> None:
-        """Adds a report: its motion less the estimated one, and the covariance (3, 3) of its end, in some axes."""
-        x, y, z, spread = self._sums[-1] if self._sums else (0.0, 0.0, 0.0, _NOTHING)
-        if is_new_reference and self._sums:
-            spread = spread + self.covariance
-        self._times.append(t_s)
-        ex, ey, ez = excess_ned_m
-        self._sums.append((x + ex, y + ey, z + ez, spread))
-        self._covariance, self._axes, self._spread = covariance, ned_from_axes, None
-
-    def pull(self, moved_m: Vector3, t_s: float) -> None:
-        """Records how far an absolute position has moved the estimate."""
-        self._pulls.append((t_s, moved_m))
-
-    @property
-    def pulled_m(self) -> Vector3 | None:
-        """How far it has moved the estimate lately; None for a source of motions, not positions."""
-        if not self._pulls:
-            return None
-        since_s = self._pulls[-1][0] - _PULLS_S
-        north, east, down = zip(*(moved for t_s, moved in self._pulls if t_s >= since_s), strict=True)
-        return (sum(north), sum(east), sum(down))
-
-    def reset(self) -> None:
-        """Clears the record."""
-        self._times.clear()
-        self._sums.clear()
-
-    def is_about(self, begin_s: float, now_s: float) -> bool:
-        """Whether the record covers a time from `begin_s` to almost now."""
-        return bool(self._times) and self._times[0] <= begin_s + 0.3 and now_s - self._times[-1] < 0.8
-
-    def over(self, begin_s: float) -> tuple[Vector3, Matrix]:
-        """Sum of the excess since a time, and its covariance (3, 3) in NED, with a part for each reference."""
-        bx, by, bz, _ = self._sums[self._first(begin_s)]
-        x, y, z, _ = self._sums[-1]
-        return (x - bx, y - by, z - bz), self.spread(begin_s)
-
-    def spread(self, begin_s: float) -> Matrix:
-        """Covariance (3, 3) of the motion since a time, in NED."""
-        return 2.0 * self.covariance + (self._sums[-1][3] - self._sums[self._first(begin_s)][3])
-
-    def _first(self, begin_s: float) -> int:
-        """The last report at a time."""
-        return min(max(bisect_right(self._times, begin_s) - 1, 0), len(self._times) - 1)
-
-    def mean_over(self, begin_s: float) -> Matrix:
-        """The excess since a time, (3,), as a mean of some reports at both ends: their noise averages out."""
-        first = self._first(begin_s)
-        early = bisect_right(self._times, self._times[first] + _MEAN_S)
-        late = bisect_left(self._times, self._times[-1] - _MEAN_S)
-        begin, end = _mean(islice(self._sums, first, early)), _mean(islice(self._sums, late, None))
-        return end - begin
-
-    @property
-    def covariance(self) -> Matrix:
-        """Covariance of the last report's end, (3, 3), in NED."""
-        if self._spread is None:
-            axes = matrix_of(self._axes)
-            self._spread = axes @ self._covariance @ axes.T
-        return self._spread
-
-
-def _mean(sums: Iterator[tuple[float, float, float, Matrix]]) -> Matrix:
-    rows = [(x, y, z) for x, y, z, _ in sums]
-    return np.array([sum(column) / len(rows) for column in zip(*rows, strict=True)])
-
-
 class FaultIsolation:
     """Compares the records of all sources a few times a second."""
 
-    def __init__(self, window_s: float, scale_std: float) -> None:
+    def __init__(self, window_s: float, scale_std: float, motion: InertialMotion) -> None:
         self.records: dict[str, Record] = {}
+        self.witness: Final = InertialWitness(motion)
+        self._motion = motion
         self._window_s, self._scale_std = window_s, scale_std
         self._latency_s: list[float] = []
         self._distance_m: list[float] = []
@@ -167,6 +81,8 @@ class FaultIsolation:
         self._at: Vector3 | None = None
         self._heading_std_rad = 0.0
         self._last: tuple[str, int] = ("", 0)
+        self._apart_m: list[tuple[str, str, Vector3]] = []
+        """Sources that contradict each other in the last vote, confirmed or not, and by how much."""
 
     def record(self, source: str) -> Record:
         """The record of a source."""
@@ -188,7 +104,9 @@ class FaultIsolation:
         """
         self._heading_std_rad = heading_std_rad
         self._travel(position, now_s)
-        found = self._verdict([name for name, may in voters.items() if may], now_s)
+        able = [name for name, may in voters.items() if may]
+        self.witness.expire(now_s)
+        found = self._verdict(able, now_s)
         key = found.voted_out or "/".join(found.against)
         self._last = (key, self._last[1] + 1 if key == self._last[0] else 1)
         return found if self._last[1] >= _CONFIRM else IsolationResult()
@@ -200,7 +118,15 @@ class FaultIsolation:
             return False
         judges = [other for other in others if self._known(other, begin_s, now_s)]
         begins = [now_s - share * self._window_s for share in _WINDOWS]
-        return bool(judges) and not any(self._apart(source, other, since_s) for other in judges for since_s in begins)
+        pairs = [(other, since_s) for other in judges for since_s in begins]
+        return bool(judges) and not any(self._difference(source, *pair, _CHI2_AGAIN) for pair in pairs)
+
+    def contradiction(self, excluded: list[str], used: str, now_s: float) -> IsolationResult:
+        """How a source that was voted out still contradicts the only one that is used, if any does."""
+        for a, b, apart in self._differences([*excluded, used], now_s):
+            if used in (a, b):
+                return IsolationResult("", (a, b), apart)
+        return IsolationResult()
 
     def elsewhere(self, names: list[str], begin_s: float, now_s: float) -> OtherAgreement | None:
         """The offset from the estimate that two or more sources agree on, unless as many contradict it.
@@ -213,7 +139,7 @@ class FaultIsolation:
         able = [name for name in names if self._known(name, begin_s, now_s)]
         reported = {name: self._excess(name, begin_s) for name in able}
         group = [name for name, (by_m, spread) in reported.items() if self._is_reported(by_m, spread, begin_s)]
-        if len(group) < 2 or any(self._apart(a, b, begin_s) for a, b in combinations(group, 2)):
+        if len(group) < 2 or any(self._difference(a, b, begin_s) for a, b in combinations(group, 2)):
             return None
         # Weighted mean of the group: C = (sum C_i^-1)^-1, d = C sum C_i^-1 d_i.
         weights = {name: np.linalg.inv(reported[name][1]) for name in group}
@@ -225,36 +151,94 @@ class FaultIsolation:
         north, east, down = by_m.tolist()
         return OtherAgreement(tuple(group), (north, east, down), covariance)
 
-    def separation(self, names: list[str], now_s: float) -> Vector3:
-        """How far the position would be from its estimate if any one source were left out, along each axis, m.
+    def separation(self, names: list[str], now_s: float, *, is_strict: bool = False) -> Vector3:
+        """How far the position would be from its estimate if any one or two sources were left out, along each axis, m.
 
         This is solution separation, as satellite navigation monitors its integrity: whichever source is wrong, the others
         say how far it has moved the estimate. What their covariances explain is not counted.
 
         Args:
-            names: the sources that are used.
+            names: the sources that are used, or may be right.
             now_s: the time.
+            is_strict: the position is also as uncertain as without the best of them, as where a source has been wrong and
+                nothing holds the position.
         """
         worst = np.zeros(3)
+        for a, b, apart_m in self._apart_m:
+            if a in names and b in names:
+                worst = np.maximum(worst, np.square(apart_m))
         for share in _SEPARATED:
             begin_s = now_s - share * self._window_s
             able = [name for name in names if self._known(name, begin_s, now_s)]
             if len(able) < 2:
                 continue
-            turned_m2 = (self._heading_std_rad * self._length(begin_s)) ** 2
+            turned_m2 = self._turned_m2(begin_s)
             records = [self.records[name] for name in able]
             floors = np.array([_FLOOR_M2 + (0.0 if record.is_of_places else turned_m2) for record in records])
             spreads = np.array([record.spread(begin_s) for record in records]) + floors[:, None, None] * np.eye(3)
-            weights = np.linalg.inv(spreads)
-            weighted = np.einsum("nij,nj->ni", weights, np.array([record.mean_over(begin_s) for record in records]))
-            # Weighted mean of the others: C = (sum C_i^-1)^-1, d = C sum C_i^-1 d_i; counted is d^2 - C, or d^2 - 4 C.
-            covariances = np.linalg.inv(weights.sum(axis=0) - weights)
-            apart = np.einsum("nij,nj->ni", covariances, weighted.sum(axis=0) - weighted)
-            variances = covariances.diagonal(axis1=1, axis2=2)
-            counted = apart**2 - np.where(variances > _COARSE_M2, 4.0, 1.0) * variances
+            weights = np.asarray(np.linalg.inv(spreads), np.float64)
+            moved_m = np.array([record.mean_over(begin_s) for record in records])
+            weighted = np.einsum("nij,nj->ni", weights, moved_m)
+            one = 1.0 - np.eye(len(able))
+            weight, moved = self._inertial(begin_s, now_s, moved_m, spreads) if share < 1.0 else (_NOTHING, np.zeros(3))
+            variances, squares = _without(one, weights, weighted, weight, moved)
+            if is_strict:
+                worst = np.maximum(worst, np.where(variances < _BLIND_M2, squares + 0.25 * variances, 0.0).max(axis=0))
+            counted = squares - np.where(variances > _COARSE_M2, 4.0, 1.0) * variances
             worst = np.maximum(worst, counted.max(axis=0))
+            if len(able) > 2:
+                two = np.array([one[a] * one[b] for a, b in combinations(range(len(able)), 2)])
+                for weight_of, moved_by in ((_NOTHING, np.zeros(3)), (weight, moved)):
+                    variances, squares = _without(two, weights, weighted, weight_of, moved_by)
+                    worst = np.maximum(worst, (squares - 2.0 * variances).max(axis=0))
         north, east, down = np.sqrt(worst).tolist()
         return north, east, down
+
+    def _inertial(self, begin_s: float, now_s: float, moved_m: Matrix, spreads: Matrix) -> tuple[Matrix, Matrix]:
+        """Inverse covariance (3, 3) of the inertial unit's motion, and that by the motion; zero if all contradict it."""
+        inertial = self._motion.excess(begin_s + 0.5 * MEAN_S, now_s - 0.5 * MEAN_S)
+        if inertial is None:
+            return _NOTHING, np.zeros(3)
+        apart = moved_m - inertial[0]
+        # d^T C^-1 d against chi-square, 3 degrees of freedom: of the source that is nearest to it.
+        nearest = np.einsum("ni,nij,nj->n", apart, np.linalg.inv(spreads + inertial[1]), apart).min()
+        if nearest > CHI2_999[3]:
+            return _NOTHING, np.zeros(3)
+        weight = np.asarray(np.linalg.inv(inertial[1]), np.float64)
+        return weight, weight @ inertial[0]
+
+    def dragged(self, names: list[str], now_s: float) -> Vector3 | None:
+        """How far the position has been moved along each axis, m, away from where these sources would have it now.
+
+        Args:
+            names: the sources that are right.
+            now_s: the time.
+
+        Returns:
+            None if none of them is known.
+        """
+        worst = np.zeros(3)
+        able: list[Record] = []
+        for share in _WINDOWS:
+            begin_s = now_s - share * self._window_s
+            able = [self.records[name] for name in names if self._known(name, begin_s, now_s)]
+            if not able:
+                break
+            turned_m2 = self._turned_m2(begin_s)
+            floors = np.array([0.0 if record.is_of_places else turned_m2 for record in able])
+            weights = np.linalg.inv(
+                np.array([record.spread(begin_s) for record in able]) + floors[:, None, None] * np.eye(3)
+            )
+            # Weighted mean: d = (sum C_i^-1)^-1 sum C_i^-1 d_i; the position itself was corrected, too.
+            weighted = np.einsum("nij,nj->i", weights, np.array([record.mean_over(begin_s) for record in able]))
+            by_m = np.linalg.solve(weights.sum(axis=0), weighted)
+            worst = np.maximum(worst, np.abs(self._motion.corrected(begin_s)[0] - by_m))
+        north, east, down = worst.tolist()
+        return (north, east, down) if able or worst.any() else None
+
+    def _turned_m2(self, begin_s: float, end_s: float = inf) -> float:
+        """Variance of motions in body axes between two times, by the heading's."""
+        return (self._heading_std_rad * (self._length(begin_s) - self._length(end_s))) ** 2
 
     def _excess(self, name: str, begin_s: float) -> tuple[Matrix, Matrix]:
         """Excess of a source's motion since a time over the estimate, and its covariance."""
@@ -298,23 +282,23 @@ class FaultIsolation:
         record = self.records.get(source)
         return record is not None and record.is_about(begin_s, now_s)
 
-    def _apart(self, a: str, b: str, begin_s: float) -> Vector3 | None:
+    def _difference(self, a: str, b: str, begin_s: float, gate: float = CHI2_999[3]) -> Vector3 | None:
         """Disagreement of two sources since a time; None where they agree, or one has no data."""
         one, two = self.records[a], self.records[b]
         ((ax, ay, az), spread_a), ((bx, by, bz), spread_b) = one.over(begin_s), two.over(begin_s)
         # Pairwise residual: the estimate cancels in a - b; its covariance is C_a + C_b + tolerance.
         apart = (ax - bx, ay - by, az - bz)
         tolerance = self._tolerance(begin_s, is_turned=one.is_of_places is not two.is_of_places)
-        if sum(value * value for value in apart) <= CHI2_999[3] * tolerance:
+        if sum(value * value for value in apart) <= gate * tolerance:
             return None  # whatever their covariances are
         spread = spread_a + spread_b + np.eye(3) * tolerance
         # Gate: squared Mahalanobis distance against chi-square, 3 degrees of freedom, 99.9 %.
-        if apart @ np.linalg.solve(spread, apart) <= CHI2_999[3]:
+        if apart @ np.linalg.solve(spread, apart) <= gate:
             return None
         values, directions = np.linalg.eigh(spread)
         known = directions[:, values < _BLIND_M2]
         north, east, down = (known @ (known.T @ apart)).tolist()
-        if north**2 + east**2 + down**2 <= CHI2_999[3] * tolerance:
+        if north**2 + east**2 + down**2 <= gate * tolerance:
             return None  # nor is what they agree on
         return (north, east, down)
 
@@ -323,21 +307,43 @@ class FaultIsolation:
             begin_s = now_s - share * self._window_s
             able = [name for name in names if self._known(name, begin_s, now_s)]
             for a, b in combinations(able, 2):
-                apart = self._apart(a, b, begin_s)
+                apart = self._difference(a, b, begin_s)
                 if apart is not None:
                     yield a, b, apart
 
     def _verdict(self, names: list[str], now_s: float) -> IsolationResult:
         against: dict[str, dict[str, Vector3]] = {}
+        self._apart_m.clear()
         for a, b, (x, y, z) in self._differences(names, now_s):
+            self._apart_m.append((a, b, (x, y, z)))
+            self.witness.judge((a, b), self.records, (x, y, z), self._turned_m2, now_s)
             against.setdefault(a, {})[b] = (x, y, z)
             against.setdefault(b, {})[a] = (-x, -y, -z)
         if not against:
             return IsolationResult()
-        # Vote: culprit is who contradicts two others at least, and more than each of them does; else a tie.
-        worst = max(against, key=lambda name: len(against[name]))
+        # Vote: culprit is who contradicts two others at least, and more than each of them does; else a tie. The inertial
+        # unit is one of these others.
+        count = {name: len(others) + (name in self.witness.against) for name, others in against.items()}
+        worst = max(against, key=lambda name: count[name])
         others = against[worst]
-        if len(others) >= 2 and all(len(against[name]) < len(others) for name in others):
+        is_confirmed = len(others) >= 2 or worst in self.witness.clearly_against
+        if is_confirmed and all(count[name] < count[worst] for name in others):
             return IsolationResult(worst, tuple(others), next(iter(others.values())))
         other = next(iter(others))
         return IsolationResult("", (worst, other), others[other])
+
+
+def _without(kept: Matrix, weights: Matrix, weighted: Matrix, weight: Matrix, moved: Matrix) -> tuple[Matrix, Matrix]:
+    """Variances and squared offsets, (m, 3), of the position by the sources that each row of (m, n) keeps.
+
+    Args:
+        kept: 1 for a source that is kept, 0 for one that is left out.
+        weights: inverse covariances of the sources, (n, 3, 3).
+        weighted: these by what the sources report, (n, 3).
+        weight: inverse covariance of one that is always kept, (3, 3).
+        moved: that by what it reports, (3,).
+    """
+    # Weighted mean: C = (sum C_i^-1)^-1, d = C sum C_i^-1 d_i.
+    covariances = np.linalg.inv(np.einsum("mn,nij->mij", kept, weights) + weight)
+    apart = np.einsum("mij,mj->mi", covariances, kept @ weighted + moved)
+    return covariances.diagonal(axis1=1, axis2=2), apart**2

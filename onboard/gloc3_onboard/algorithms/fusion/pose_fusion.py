@@ -329,14 +329,16 @@ class PoseFusion:
         was = self.estimate.inertial.now.position_ned_m
         report = PlaceReport(message.source, t_s, message.position_ned_m, covariance)
         self._source_reports.follow(report, state)
-        was_turned_down = trust.is_turned_down
+        was_turned_down, was_used, std_m = trust.is_turned_down, trust.is_used, self.estimate.position_std_m
         if measured is not None and self._judge(trust, measured, self.estimate.rows(measured, past), past, report):
             self._voting.hold(t_s)
-            if was_turned_down:
-                self.estimate.doubt_reference(measured.by_pose[:, :3].T @ measured.residual)
+            if was_turned_down or self._voting.has_been_wrong(message.source):
+                self._voting.returned(message.source, measured.by_pose[:, :3].T @ measured.residual, std_m)
             self._voting.isolation.record(message.source).pull(
                 _minus(self.estimate.inertial.now.position_ned_m, was), t_s
             )
+        elif was_used and trust.is_turned_down and not trust.is_coarse:  # before, its error has passed the gate
+            self._voting.doubt_drag(message.source)
         if not trust.is_stray:
             self._source_reports.book(report, self.estimate.inertial.at(t_s))
 

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from math import hypot, sqrt
 from typing import Final
 
+from gloc3.messages.frames import Vector3
+from gloc3_onboard.algorithms.fusion.error_state import Matrix
 from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
 from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation, IsolationResult, OtherAgreement
 from gloc3_onboard.algorithms.fusion.odometers import Odometers
@@ -46,13 +48,14 @@ class SourceVoting:
         distrust_imu: Callable[[float, str], None],
     ) -> None:
         self.trust: Final[dict[str, Trust]] = {}
-        self.isolation: Final = FaultIsolation(settings.window_s, settings.odometer_scale_std)
+        self.isolation: Final = FaultIsolation(settings.window_s, settings.odometer_scale_std, estimate.alone)
         self.held_s = float("-inf")
         """When a source last held the position."""
         self.conflict: IsolationResult | None = None
         """Two sources that contradict each other, with no third one to decide."""
         self.conflict_s = float("-inf")
-        """Since when."""
+        """Since when, with interruptions that are shorter than the window in which they agree again."""
+        self._contradicted_s, self._contradicted = float("-inf"), tuple[str, ...]()
         self.is_standing = False
         """The body has not moved since it was aligned."""
         self._estimate, self._odometers, self._settings, self._distrust_imu = (
@@ -61,6 +64,14 @@ class SourceVoting:
             settings,
             distrust_imu,
         )
+        self._unconfirmed: set[str] = set()
+        """Sources that were voted out by one other and the inertial unit."""
+        self._convicted: set[str] = set()
+        """Sources that were voted out, or moved unfelt by the inertial unit, and have not been used again since."""
+        self._returned: set[str] = set()
+        """Sources of positions that are used again after they were turned down."""
+        self._doubtful_s = float("-inf")
+        """When the position was last held by no two sources of positions of which one has always been right."""
         self._voted_s = float("-inf")
         self._distrusted_s = float("-inf")
         """When the estimate's motion was last doubted."""
@@ -88,6 +99,7 @@ class SourceVoting:
         now_s = self._estimate.t_s
         if now_s - self._voted_s >= VOTE_S - 1e-6:
             self._voted_s = now_s
+            self._estimate.remember_motion()
             self._vote(now_s)
 
     # --- what it has found ---
@@ -132,7 +144,13 @@ class SourceVoting:
         is_settled = verdict.is_unanimous or bool(verdict.voted_out)
         if not is_settled:  # who was plainly wrong is not believed to be right
             is_settled = any(self.trust[name].is_coarse and not self.trust[name].is_used for name in verdict.against)
-        self._follow_conflict(None if is_settled else verdict, now_s)
+        if is_settled:
+            verdict = self._contradiction(now_s)
+        self._follow_conflict(None if verdict.is_unanimous else verdict, now_s)
+        for name in self.isolation.witness.clearly_against:  # its gate alone does not let it in again
+            if not self.trust[name].is_used:
+                self.trust[name].is_voted_out = True
+                self._convicted.add(name)
         used = [name for name, may in voters.items() if may and self.trust[name].is_used]
         for name in voters:
             trust = self.trust[name]
@@ -140,8 +158,51 @@ class SourceVoting:
                 trust.is_voted_out = False  # its gate and the probation are left
         self._check_single_source(now_s)
         self._check_stuck(now_s)
-        used = [name for name in voters if self.trust[name].is_used]
-        self._estimate.separation_m = self.isolation.separation(used, now_s)
+        self._separate(now_s)
+        self._confirm_reference(now_s)
+
+    def has_been_wrong(self, source: str) -> bool:
+        """Whether a source has not been used since others or the inertial unit have found it wrong."""
+        return source in self._convicted
+
+    def returned(self, source: str, apart_m: Matrix, std_m: Vector3) -> None:
+        """Notes that a source of positions is used again after it was turned down.
+
+        Args:
+            source: its name.
+            apart_m: how far the position was from it, (3,) in NED.
+            std_m: standard deviation of the position before.
+        """
+        self._convicted.discard(source)
+        self._returned.add(source)
+        self._doubtful_s = self._estimate.t_s
+        self._estimate.doubt_reference(apart_m, std_m)
+
+    def _confirm_reference(self, now_s: float) -> None:
+        """Ends the doubt about the reference once another source of positions, never turned down, holds it as well."""
+        holding = {name for name, record in self.isolation.records.items() if record.is_of_places}
+        holding = {name for name in holding if self.trust[name].is_used}
+        if len(holding) < 2 or holding <= self._returned or self.conflict is not None:
+            self._doubtful_s = now_s
+        elif now_s - self._doubtful_s > self._settings.window_s:
+            self._estimate.reference_m = (0.0, 0.0, 0.0)
+
+    def _contradiction(self, now_s: float) -> IsolationResult:
+        """The contradiction of the only source that is left with one that was voted out, but not by two others."""
+        used = [name for name in self.isolation.records if self.trust[name].is_used]
+        excluded = [name for name in sorted(self._unconfirmed) if self.trust[name].is_voted_out]
+        return self.isolation.contradiction(excluded, used[0], now_s) if len(used) == 1 else IsolationResult()
+
+    def _separate(self, now_s: float) -> None:
+        """Doubts the position at once where any source, used or perhaps rightly against the estimate, is elsewhere."""
+        doubted = [name for name in sorted(self.isolation.records) if self._may_be_right(self.trust[name])]
+        is_held = any(self.isolation.records[name].is_of_places and self.trust[name].is_used for name in doubted)
+        is_faulty = any(self.trust[name].is_turned_down for name in self.isolation.records)
+        self._estimate.separation_m = self.isolation.separation(doubted, now_s, is_strict=is_faulty and not is_held)
+
+    @staticmethod
+    def _may_be_right(trust: Trust) -> bool:
+        return trust.is_used or (trust.may_vote and not trust.is_coarse)
 
     def _follow_conflict(self, conflict: IsolationResult | None, now_s: float) -> None:
         """Follows an undecided conflict: the pose may drift as fast as the two sources diverge, and stays off.
@@ -154,17 +215,20 @@ class SourceVoting:
         (x, y, z) = estimate.disputed_m
         if conflict is not None:
             dx, dy, dz = map(abs, conflict.apart_m)
-            if self.conflict is None:
+            if now_s - self._contradicted_s > self._settings.window_s:
                 self.conflict_s = now_s
                 estimate.disputed_m = (max(x, dx), max(y, dy), max(z, dz))
             else:
                 share = VOTE_S / (0.5 * self._settings.window_s)
                 estimate.disputed_m = (x + dx * share, y + dy * share, z + dz * share)
-        elif self.conflict is not None and all(self.trust[name].is_used for name in self.conflict.against):
-            estimate.inflate_position(estimate.disputed_m)
-            estimate.disputed_m = (0.0, 0.0, 0.0)
-        elif self.conflict is None and all(self.trust[name].is_used for name in self.isolation.records):
-            estimate.disputed_m = (0.0, 0.0, 0.0)
+            self._contradicted_s, self._contradicted = now_s, conflict.against
+        elif now_s - self._contradicted_s > self._settings.window_s:
+            if self._contradicted and all(self.trust[name].is_used for name in self._contradicted):
+                estimate.inflate_position(estimate.disputed_m)
+                estimate.disputed_m = (0.0, 0.0, 0.0)
+            self._contradicted = ()
+            if all(self.trust[name].is_used for name in self.isolation.records):
+                estimate.disputed_m = (0.0, 0.0, 0.0)
         self.conflict = conflict
 
     def _vote_out(self, verdict: IsolationResult) -> None:
@@ -172,16 +236,30 @@ class SourceVoting:
         # Exclude the culprit, inflate by what it pulled, readmit the sources it contradicted.
         apart = hypot(*verdict.apart_m)
         others = " and ".join(verdict.against)
+        if verdict.voted_out in self.isolation.witness.against:
+            others += ", and the inertial unit has not felt it"
         culprit = self.trust[verdict.voted_out]
-        if culprit.is_used:
-            pulled = self.isolation.record(verdict.voted_out).pulled_m
-            self._estimate.inflate_position(verdict.apart_m if pulled is None else pulled)
+        if culprit.is_used and not self.doubt_drag(verdict.voted_out):
+            self._estimate.inflate_position(verdict.apart_m)
+        if len(verdict.against) > 1:
+            self._unconfirmed.discard(verdict.voted_out)
+        else:
+            self._unconfirmed.add(verdict.voted_out)
+        self._convicted.add(verdict.voted_out)
         culprit.turn_down(f"voted out: {apart:.2f} m from {others}", is_voted_out=True)
         self._odometers.reset(verdict.voted_out)
         for name in verdict.against:
             if not self.trust[name].is_used:
                 self._odometers.reset(name)
                 self.trust[name].let_in()
+
+    def doubt_drag(self, source: str) -> bool:
+        """Doubts the position by as much as one that is not used any more has moved it away from the others."""
+        others = [name for name in sorted(self.isolation.records) if name != source and self.trust[name].is_used]
+        dragged = self.isolation.dragged(others, self._estimate.t_s)
+        if dragged is not None:
+            self._estimate.doubt_drag(dragged, self._estimate.t_s - self._settings.window_s)
+        return dragged is not None
 
     def _check_stuck(self, now_s: float) -> None:
         """When odometers that agree do not pass any more, the estimate is wrong: its biases, or the inertial unit itself."""
@@ -241,9 +319,10 @@ class SourceVoting:
             return
         if any(trust.innovation > SOUND for trust in used if trust is not worst):
             return
-        pulled = self.isolation.record(worst.name).pulled_m
-        if pulled is not None:
-            self._estimate.inflate_position(pulled)
+        unfelt = self.isolation.witness.against
+        if worst.name not in unfelt and any(trust.name in unfelt for trust in used):
+            return
+        self.doubt_drag(worst.name)
         worst.turn_down(f"it alone is {sqrt(worst.innovation):.1f} times as far off as it claims", is_alone=True)
         self._odometers.reset(worst.name)
 

@@ -22,6 +22,7 @@ from gloc3_onboard.algorithms.fusion.error_state import ROTATION, SIZE, VELOCITY
 from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
 from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation, OtherAgreement
 from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
+from gloc3_onboard.algorithms.fusion.inertial_motion import InertialMotion
 from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, level_of, matrix_of, place, relative
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.trust import Trust
@@ -229,7 +230,7 @@ def test_one_that_only_said_nothing_is_used_again_at_once() -> None:
 
 def test_the_one_that_contradicts_two_is_voted_out_and_two_that_contradict_each_other_are_told() -> None:
     def vote(names: tuple[str, ...]) -> str:
-        vote = FaultIsolation(6.0, 0.01)
+        vote = FaultIsolation(6.0, 0.01, InertialMotion(4e-3))
         for i in range(60):
             for name in names:
                 excess = (0.004 if name == "bad" else 0.0, 0.0, 0.0)
@@ -246,7 +247,7 @@ def test_the_one_that_contradicts_two_is_voted_out_and_two_that_contradict_each_
 
 def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_to_what_he_claims_now() -> None:
     def vote(early_std_m: float) -> str:
-        vote = FaultIsolation(6.0, 0.01)
+        vote = FaultIsolation(6.0, 0.01, InertialMotion(4e-3))
         for i in range(60):
             for name in ("a", "b", "late"):
                 is_early = name == "late" and i < 10
@@ -263,7 +264,7 @@ def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_t
 
 def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
     def separation(drift_m_s: float, names: tuple[str, ...] = ("a", "b", "c"), std_m: float = 0.005) -> Vector3:
-        vote, rng = FaultIsolation(6.0, 0.01), np.random.default_rng(1)
+        vote, rng = FaultIsolation(6.0, 0.01, InertialMotion(4e-3)), np.random.default_rng(1)
         for name in names:
             noise = rng.normal(size=61) * 0.005
             for i in range(60):
@@ -284,7 +285,7 @@ def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
 
 def test_two_that_say_together_that_the_body_is_elsewhere_are_heard_and_two_that_say_different_things_are_not() -> None:
     def elsewhere(a_m: Vector3, b_m: Vector3, blind_std_m: float = 0.002) -> OtherAgreement | None:
-        vote = FaultIsolation(6.0, 0.01)
+        vote = FaultIsolation(6.0, 0.01, InertialMotion(4e-3))
         for name, by_m, std_m in (("a", a_m, 0.002), ("b", b_m, 0.002), ("c", (0.0, 0.0, 0.0), blind_std_m)):
             for i in range(20):
                 excess = by_m if i == 12 else (0.0, 0.0, 0.0)

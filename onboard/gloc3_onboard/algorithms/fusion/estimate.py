@@ -289,6 +289,7 @@ class PoseEstimate:
 
     def move_over(self, by_m: Vector3, covariance: Matrix) -> None:
         """Shifts the position by an offset of covariance (3, 3)."""
+        self.alone.correct(self.t_s, by_m, _NONE, _NONE)
         self.inertial.correct(by_m, _NONE, _NONE)
         self.errors.loosen(POSITION.start, covariance)
         self._blend(by_m)

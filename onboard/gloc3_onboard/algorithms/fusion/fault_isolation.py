@@ -81,6 +81,9 @@ class FaultIsolation:
         self._at: Vector3 | None = None
         self._heading_std_rad = 0.0
         self._last: tuple[str, int] = ("", 0)
+        self._inertial = (_NOTHING, np.zeros(3))
+        """Inverse covariance (3, 3) of the inertial unit's motion over the shortest window, and that by the motion less the
+        estimated one, with its corrections; zero where it is not believed."""
         self._apart_m: list[tuple[str, str, Vector3]] = []
         """Sources that contradict each other in the last vote, confirmed or not, and by how much."""
 
@@ -106,6 +109,7 @@ class FaultIsolation:
         self._travel(position, now_s)
         able = [name for name, may in voters.items() if may]
         self.witness.expire(now_s)
+        self._ask_inertial(now_s)
         found = self._verdict(able, now_s)
         key = found.voted_out or "/".join(found.against)
         self._last = (key, self._last[1] + 1 if key == self._last[0] else 1)
@@ -145,7 +149,9 @@ class FaultIsolation:
         weights = {name: np.linalg.inv(reported[name][1]) for name in group}
         covariance = np.linalg.inv(sum(weights.values(), _NOTHING))
         by_m = covariance @ sum((weights[name] @ reported[name][0] for name in group), np.zeros(3))
-        against = [name for name in able if name not in group and self._denies(reported[name], by_m, covariance)]
+        against = [
+            name for name in able if name not in group and self._denies(reported[name], by_m, covariance, CHI2_999[3])
+        ]
         if len(against) >= len(group):
             return None
         north, east, down = by_m.tolist()
@@ -177,10 +183,10 @@ class FaultIsolation:
             floors = np.array([_FLOOR_M2 + (0.0 if record.is_of_places else turned_m2) for record in records])
             spreads = np.array([record.spread(begin_s) for record in records]) + floors[:, None, None] * np.eye(3)
             weights = np.asarray(np.linalg.inv(spreads), np.float64)
-            moved_m = np.array([record.mean_over(begin_s) for record in records])
+            moved_m = np.array([record.mean_over(begin_s) for record in records]) - self._motion.corrected(begin_s)[0]
             weighted = np.einsum("nij,nj->ni", weights, moved_m)
             one = 1.0 - np.eye(len(able))
-            weight, moved = self._inertial(begin_s, now_s, moved_m, spreads) if share < 1.0 else (_NOTHING, np.zeros(3))
+            weight, moved = self._inertial if share == _SEPARATED[0] else (_NOTHING, np.zeros(3))
             variances, squares = _without(one, weights, weighted, weight, moved)
             if is_strict:
                 worst = np.maximum(worst, np.where(variances < _BLIND_M2, squares + 0.25 * variances, 0.0).max(axis=0))
@@ -194,18 +200,32 @@ class FaultIsolation:
         north, east, down = np.sqrt(worst).tolist()
         return north, east, down
 
-    def _inertial(self, begin_s: float, now_s: float, moved_m: Matrix, spreads: Matrix) -> tuple[Matrix, Matrix]:
-        """Inverse covariance (3, 3) of the inertial unit's motion, and that by the motion; zero if all contradict it."""
-        inertial = self._motion.excess(begin_s + 0.5 * MEAN_S, now_s - 0.5 * MEAN_S)
+    def _ask_inertial(self, now_s: float) -> None:
+        """Follows the motion by the inertial unit alone, and doubts the unit where sources that agree contradict it.
+
+        One that contradicts it is denied by any other source, used or not, that has moved as the unit says and would have
+        noticed the difference. Where nobody denies it, the unit is not used; where two such agree, it is wrong.
+        """
+        self._inertial = (_NOTHING, np.zeros(3))
+        begin_s, end_s = now_s - _SEPARATED[0] * self._window_s, now_s - MEAN_S
+        begin_s = next((t_s for t_s in self._motion.times if t_s > begin_s - 1e-6), now_s)
+        inertial = self._motion.excess(begin_s, end_s) if begin_s < end_s else None
         if inertial is None:
-            return _NOTHING, np.zeros(3)
-        apart = moved_m - inertial[0]
-        # d^T C^-1 d against chi-square, 3 degrees of freedom: of the source that is nearest to it.
-        nearest = np.einsum("ni,nij,nj->n", apart, np.linalg.inv(spreads + inertial[1]), apart).min()
-        if nearest > CHI2_999[3]:
-            return _NOTHING, np.zeros(3)
-        weight = np.asarray(np.linalg.inv(inertial[1]), np.float64)
-        return weight, weight @ inertial[0]
+            return
+        for_it: list[tuple[Matrix, Matrix]] = []
+        against: list[tuple[Matrix, Matrix]] = []
+        for record in self.records.values():
+            found = record.between(begin_s, end_s)
+            if found is not None:
+                turned_m2 = 0.0 if record.is_of_places else self._turned_m2(begin_s, end_s)
+                moved = (found[0] - inertial[0], found[1] + (_FLOOR_M2 + turned_m2) * np.eye(3))
+                (against if self._denies(moved, np.zeros(3), inertial[1], CHI2_999[3]) else for_it).append(moved)
+        undenied = [one for one in against if not any(self._denies(other, *one, _CHI2_AGAIN) for other in for_it)]
+        if any(not self._denies(one, *other, _CHI2_AGAIN) for one, other in combinations(undenied, 2)):
+            self.witness.doubt(now_s)
+        if not undenied and not self.witness.is_doubted(now_s):
+            weight = np.asarray(np.linalg.inv(inertial[1]), np.float64)
+            self._inertial = (weight, weight @ (inertial[0] - self._motion.corrected(begin_s)[0]))
 
     def dragged(self, names: list[str], now_s: float) -> Vector3 | None:
         """How far the position has been moved along each axis, m, away from where these sources would have it now.
@@ -256,9 +276,9 @@ class FaultIsolation:
         return float(known @ known) > CHI2_999[3] * self._tolerance(begin_s, is_turned=False)
 
     @staticmethod
-    def _denies(reported: tuple[Matrix, Matrix], by_m: Matrix, covariance: Matrix) -> bool:
+    def _denies(reported: tuple[Matrix, Matrix], by_m: Matrix, covariance: Matrix, gate: float) -> bool:
         apart = reported[0] - by_m
-        return float(apart @ np.linalg.solve(reported[1] + covariance, apart)) > CHI2_999[3]
+        return float(apart @ np.linalg.solve(reported[1] + covariance, apart)) > gate
 
     def _tolerance(self, begin_s: float, *, is_turned: bool) -> float:
         """Variance by which motions since a time may differ, m2: scale error, and heading error if one is rotated."""

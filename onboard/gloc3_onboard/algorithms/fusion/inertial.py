@@ -38,6 +38,8 @@ class Inertial:
     """
 
     __slots__ = (
+        "_moved",
+        "_path",
         "_shift",
         "_slope",
         "_states",
@@ -66,8 +68,11 @@ class Inertial:
         """Sum of the corrections of the velocity."""
         self._turn: Quaternion = IDENTITY
         """Product of the corrections of the attitude."""
+        self._moved: Vector3 = (0.0, 0.0, 0.0)
+        """Sum of the corrections of the position alone."""
         self._times: list[float] = [state.t_s]
         self._states: list[InertialState] = [state]
+        self._path: list[Vector3] = [state.position_ned_m]
 
     def move(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
         """Propagates to `t_s` with the mean rate (rad/s) and specific force (m/s²) since the last state."""
@@ -116,8 +121,9 @@ class Inertial:
 
     def _remember(self) -> None:
         t_s, (px, py, pz), (vx, vy, vz), attitude = self.now
-        (sx, sy, sz), (ux, uy, uz) = self._shift, self._slope
+        (sx, sy, sz), (ux, uy, uz), (mx, my, mz) = self._shift, self._slope, self._moved
         self._times.append(t_s)
+        self._path.append((px - mx, py - my, pz - mz))
         self._states.append(
             InertialState(
                 t_s,
@@ -128,7 +134,7 @@ class Inertial:
         )
         if len(self._times) >= _TRIM:
             keep = bisect_right(self._times, t_s - KEPT_S)
-            del self._times[:keep], self._states[:keep]
+            del self._times[:keep], self._states[:keep], self._path[:keep]
 
     def covers(self, t_s: float) -> bool:
         """Whether a time is within the stored past."""
@@ -161,6 +167,24 @@ class Inertial:
             multiply(self._turn, mixed),
         )
 
+    def path_at(self, t_s: float) -> Vector3:
+        """Where the velocities led that were estimated at each moment, without the corrections of the position.
+
+        No later correction changes it, so differences of it add up, whenever they are taken.
+        """
+        index = min(bisect_right(self._times, t_s), len(self._times) - 1)
+        before, after = self._states[max(index - 1, 0)], self._states[index]
+        dt = after.t_s - before.t_s
+        share = min(max((t_s - before.t_s) / dt, 0.0), 1.0) if dt > 0.0 else 1.0
+        bend = 0.5 * share * (share - 1.0) * dt
+        (ax, ay, az), (bx, by, bz) = self._path[max(index - 1, 0)], self._path[index]
+        (ap, aq, ar), (bp, bq, br) = before.velocity_ned_m_s, after.velocity_ned_m_s
+        return (
+            ax + (bx - ax) * share + bend * (bp - ap),
+            ay + (by - ay) * share + bend * (bq - aq),
+            az + (bz - az) * share + bend * (br - ar),
+        )
+
     def correct(self, position_m: Vector3, velocity_m_s: Vector3, rotation_ned_rad: Vector3) -> None:
         """Adds to position and velocity, and turns the attitude by a small rotation vector in NED."""
         t_s, (px, py, pz), (vx, vy, vz), attitude = self.now
@@ -173,6 +197,8 @@ class Inertial:
         # Move the past along: p(t) by dp + dv (t - now), v by dv, attitude by exp(dtheta).
         self._shift = (sx + dx - ex * t_s, sy + dy - ey * t_s, sz + dz - ez * t_s)
         self._slope = (ux + ex, uy + ey, uz + ez)
+        mx, my, mz = self._moved
+        self._moved = (mx + dx, my + dy, mz + dz)
         self._turn = normalize(multiply(turn, self._turn))
 
 

@@ -41,20 +41,24 @@ class InertialMotion:
         self._moments: deque[_Moment] = deque()
 
     def clear(self) -> None:
-        """Begins again: what the state was before is not known well enough."""
-        self._corrections.clear()
+        """Forgets the states before, which are not known well enough; not the corrections."""
         self._times.clear()
         self._moments.clear()
 
     def correct(self, t_s: float, position_m: Vector3, velocity_m_s: Vector3, acceleration_m_s2: Vector3) -> None:
         """Notes a correction of position and velocity, and of the acceleration that follows from attitude and bias."""
         self._corrections.append((t_s, *position_m, *velocity_m_s, *acceleration_m_s2))
+        while self._corrections[0][0] < t_s - KEPT_S:
+            self._corrections.popleft()
 
     def corrected(self, begin_s: float) -> tuple[Matrix, Matrix]:
         """By how much all corrections since a time have changed position and velocity, (3,) each."""
-        rows = [row[1:7] for row in self._corrections if row[0] > begin_s]
-        changes = np.sum(np.array(rows), axis=0) if rows else np.zeros(6)
-        return changes[:3], changes[3:]
+        n = e = d = u = v = w = 0.0
+        for t_s, dn, de, dd, du, dv, dw, *_ in reversed(self._corrections):
+            if t_s <= begin_s:
+                break
+            n, e, d, u, v, w = n + dn, e + de, d + dd, u + du, v + dv, w + dw
+        return np.array((n, e, d)), np.array((u, v, w))
 
     def remember(self, t_s: float, covariance: Matrix, ned_from_frd: Matrix, force_ned_m_s2: Vector3) -> None:
         """Notes the covariance (n, n) of the error state at a time, from which on motion may be asked for."""
@@ -63,8 +67,6 @@ class InertialMotion:
         while self._times[0] < t_s - KEPT_S:
             del self._times[0]
             self._moments.popleft()
-        while self._corrections and self._corrections[0][0] < self._times[0]:
-            self._corrections.popleft()
 
     @property
     def times(self) -> Sequence[float]:

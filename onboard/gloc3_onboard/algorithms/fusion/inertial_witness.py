@@ -6,6 +6,9 @@ which of the two it is, and whether most of the sources are wrong together. Only
 the estimated velocity has followed it, and then the other one seems to have moved unfelt. So the begin is sought in the
 difference of the two, whatever the estimate has done since, and what was found stays for as long as they contradict each
 other.
+
+The unit may be wrong itself: scaled, biased by a blow, shaken, late. It has an alibi only while one of the two has moved as
+it says. Where all sources contradict it at once, it is the one that is wrong, and is not asked for some time.
 """
 
 from collections.abc import Callable, Mapping
@@ -31,6 +34,10 @@ _ANEW_S: Final = 0.8
 """After so long without it, it is another one."""
 _KEPT_S: Final = 3.0
 """So long after the last contradiction it counts."""
+_ALIBI: Final = 3.0
+"""Standard deviations from the inertial unit up to which one of the two speaks for it."""
+_DOUBTED_S: Final = 12.0
+"""So long the inertial unit is no witness after all sources have contradicted it."""
 
 
 class _Finding(NamedTuple):
@@ -54,6 +61,16 @@ class InertialWitness:
     def __init__(self, motion: InertialMotion) -> None:
         self._motion = motion
         self._pairs: dict[tuple[str, str], _Finding] = {}
+        self._doubted_s = -inf
+
+    def doubt(self, now_s: float) -> None:
+        """Drops all that the inertial unit has said, and does not ask it for some time: it is alone against all."""
+        self._doubted_s = now_s
+        self._pairs.clear()
+
+    def is_doubted(self, now_s: float) -> bool:
+        """Whether the inertial unit is no witness now."""
+        return now_s - self._doubted_s < _DOUBTED_S
 
     @property
     def against(self) -> frozenset[str]:
@@ -86,6 +103,8 @@ class InertialWitness:
             turned: variance (m2) of motions in body axes between two times, by the heading's.
             now_s: the time.
         """
+        if self.is_doubted(now_s):
+            return
         found = self._pairs.get(pair, _Finding("", False, now_s, now_s))
         if not found.name and now_s - found.last_s > _ANEW_S:
             found = found._replace(first_s=now_s)
@@ -105,7 +124,7 @@ class InertialWitness:
         away = apart_m / float(np.linalg.norm(apart_m))
         one, two = (records[name] for name in pair)
         begin_s = self._begin(one, two, away)
-        squares, sizes = np.zeros(2), [0.0]
+        squares, sizes, nearest = np.zeros(2), [0.0], [0.0]
         for end_s in self._motion.times:
             inertial = self._motion.excess(begin_s, end_s)
             first, second = one.between(begin_s, end_s), two.between(begin_s, end_s)
@@ -113,9 +132,11 @@ class InertialWitness:
                 continue
             moved = np.array([away @ (by_m - inertial[0]) for by_m, _ in (first, second)])
             spread = inertial[1] + turned(begin_s, end_s) * np.eye(3) + 0.5 * (first[1] + second[1])
-            sizes.append(float((moved[0] - moved[1]) / np.sqrt(away @ spread @ away)))
+            std_m = float(np.sqrt(away @ spread @ away))
+            sizes.append(float(moved[0] - moved[1]) / std_m)
+            nearest.append(float(np.abs(moved).min()) / std_m)
             squares += ((end_s - begin_s) * moved) ** 2
-        if max(sizes[-2:]) < _LEAST:
+        if max(sizes[-2:]) < _LEAST or max(nearest[-2:]) > _ALIBI:
             return "", False
         # Which one has stayed with the inertial unit? Its differences are noise, the other one's grow with the time.
         name = pair[0] if squares[0] > squares[1] else pair[1]

@@ -101,7 +101,7 @@ class SourceReports:
             since_s, shift, is_new = reported
         if not self._inertial.covers(since_s):
             return None
-        believed = _minus(state.position_ned_m, self._inertial.at(since_s).position_ned_m)
+        believed = _minus(self._inertial.path_at(report.t_s), self._inertial.path_at(since_s))
         return _minus(shift, believed), is_new
 
 

@@ -66,6 +66,8 @@ class SourceVoting:
         )
         self._unconfirmed: set[str] = set()
         """Sources that were voted out by one other and the inertial unit."""
+        self._kept_out: set[str] = set()
+        """Sources that the inertial unit has kept from being used again."""
         self._convicted: set[str] = set()
         """Sources that were voted out, or moved unfelt by the inertial unit, and have not been used again since."""
         self._returned: set[str] = set()
@@ -139,6 +141,8 @@ class SourceVoting:
         voters = {name: self.trust[name].may_vote for name in sorted(self.isolation.records)}
         position = self._estimate.inertial.now.position_ned_m
         verdict = self.isolation.update(voters, position, self._estimate.heading_std_rad, now_s)
+        if self.isolation.witness.is_doubted(now_s):
+            self._acquit()
         if verdict.voted_out:
             self._vote_out(verdict)
         is_settled = verdict.is_unanimous or bool(verdict.voted_out)
@@ -150,6 +154,7 @@ class SourceVoting:
         for name in self.isolation.witness.clearly_against:  # its gate alone does not let it in again
             if not self.trust[name].is_used:
                 self.trust[name].is_voted_out = True
+                self._kept_out.add(name)
                 self._convicted.add(name)
         used = [name for name, may in voters.items() if may and self.trust[name].is_used]
         for name in voters:
@@ -160,6 +165,17 @@ class SourceVoting:
         self._check_stuck(now_s)
         self._separate(now_s)
         self._confirm_reference(now_s)
+
+    def _acquit(self) -> None:
+        """Uses again all that were voted out on the word of the inertial unit, which is wrong itself."""
+        accused = self._unconfirmed | self._kept_out
+        for name in sorted(accused):
+            if self.trust[name].is_voted_out:
+                self._odometers.reset(name)
+                self.trust[name].let_in()
+        self._convicted -= accused
+        self._unconfirmed.clear()
+        self._kept_out.clear()
 
     def has_been_wrong(self, source: str) -> bool:
         """Whether a source has not been used since others or the inertial unit have found it wrong."""
@@ -243,6 +259,7 @@ class SourceVoting:
             self._estimate.inflate_position(verdict.apart_m)
         if len(verdict.against) > 1:
             self._unconfirmed.discard(verdict.voted_out)
+            self._kept_out.discard(verdict.voted_out)
         else:
             self._unconfirmed.add(verdict.voted_out)
         self._convicted.add(verdict.voted_out)

@@ -54,8 +54,8 @@ class Flight:
 
 
 @cache
-def inspection(scale: float = 1.0, *, has_turns: bool = True) -> Flight:
-    """Stands for 2 s, climbs to 1.5 m and sweeps a wall in three lines of 16 m, 60 m in all: 0.8 m/s, with a gust's wobble."""
+def inspection(scale: float = 1.0, *, has_turns: bool = True, speed_m_s: float = 0.8) -> Flight:
+    """Stands for 2 s, climbs to 1.5 m and sweeps a wall in three lines of 16 m, 60 m in all, with a gust's wobble."""
     corners = [
         (0, 0, 0),
         (0, 0, -1.5),
@@ -72,7 +72,7 @@ def inspection(scale: float = 1.0, *, has_turns: bool = True) -> Flight:
     dt = 1.0 / (IMU_HZ * fine)
     way: list[Array] = [np.repeat(places[:1], int(2.0 / dt), axis=0)]
     for begin, end in pairwise(places):
-        steps = max(int(np.linalg.norm(end - begin) / 0.8 / dt), 1)
+        steps = max(int(np.linalg.norm(end - begin) / speed_m_s / dt), 1)
         way.append(begin + (end - begin) * np.linspace(0.0, 1.0, steps, endpoint=False)[:, None])
         way.append(np.repeat(end[None], int(0.5 / dt), axis=0))
     path = np.concatenate(way)

@@ -109,7 +109,7 @@ class FaultIsolation:
         self._travel(position, now_s)
         able = [name for name, may in voters.items() if may]
         self.witness.expire(now_s)
-        self._ask_inertial(now_s)
+        self._compare_inertial(now_s)
         found = self._verdict(able, now_s)
         key = found.voted_out or "/".join(found.against)
         self._last = (key, self._last[1] + 1 if key == self._last[0] else 1)
@@ -200,7 +200,7 @@ class FaultIsolation:
         north, east, down = np.sqrt(worst).tolist()
         return north, east, down
 
-    def _ask_inertial(self, now_s: float) -> None:
+    def _compare_inertial(self, now_s: float) -> None:
         """Follows the motion by the inertial unit alone, and doubts the unit where sources that agree contradict it.
 
         One that contradicts it is denied by any other source, used or not, that has moved as the unit says and would have

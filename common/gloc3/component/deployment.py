@@ -348,8 +348,9 @@ def _topic_problems(
                 where = ("ports", port)
                 declared = topics.row(f"platform/{topic}")
                 if declared is None and kind == "inputs" and port not in row.ports:
-                    hint = f"bind {port!r} to a topic, or to [] if it is not needed here"
-                    yield Problem(index, where, "the input is bound to no known topic", hint, is_warning=True)
+                    if not component.inputs[port].is_optional:
+                        hint = f"bind {port!r} to a topic, or to [] if it is not needed here"
+                        yield Problem(index, where, "the input is bound to no known topic", hint, is_warning=True)
                 elif declared is None:
                     yield Problem(index, where, f"unknown topic {topic!r}", nearest(topic, known))
                 elif not issubclass(ports[port].message, declared.message):

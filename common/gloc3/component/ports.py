@@ -35,7 +35,8 @@ class Port(Generic[M]):
 class Input(Port[M]):
     """A port that takes messages: `imu = Input(ImuSample)`.
 
-    Platform files in which no component publishes to it get a warning, unless it is optional.
+    Platform files in which no component publishes to it get a warning, unless it is optional. An optional input whose name
+    is no topic is off until a platform file binds it.
     """
 
     def __init__(

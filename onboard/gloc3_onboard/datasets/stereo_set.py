@@ -10,6 +10,7 @@ import numpy as np
 from gloc3.camera.geometry import Array, matrix
 from gloc3.camera.model import CameraModel
 from gloc3.errors import Finding, InputError
+from gloc3.messages.perception import ImuSample
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.calibration.mounting import FORWARD, frd_from_axes
 from gloc3_onboard.calibration.reader import CalibrationFile, read_calibration
@@ -30,6 +31,8 @@ class StereoSet:
     pairs: Sequence[Recorded[tuple[Image, Image]]]
     frd_from_own: Array
     """From the axes that the data set's truth has for the body to ours."""
+    imu: Sequence[Recorded[ImuSample]] = ()
+    """Samples of the inertial unit in order of time, if they were asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +44,19 @@ class MonoSet:
     frd_from_own: Array
 
 
-def read_stereo_set(folder: Path) -> StereoSet:
+def read_stereo_set(folder: Path, *, with_imu: bool = False) -> StereoSet:
     """A data set's stereo pictures.
+
+    Args:
+        folder: the data set.
+        with_imu: whether to read its inertial unit, `imu0` of EuRoC's form, too.
 
     Raises:
         InputError: it is none, or something is wrong in it.
     """
     if _is_kitti(folder):
+        if with_imu:
+            raise _wrong(folder, "a set of KITTI's form has no inertial unit", "leave --imu out")
         part = next((part for part in _KITTI_PAIRS if (folder / part).is_dir()), "")
         if not part:
             raise _wrong(folder, "it has neither image_0 nor image_2", "for one camera alone say --mono")
@@ -65,6 +74,7 @@ def read_stereo_set(folder: Path) -> StereoSet:
         right=read_calibration(right_place / "sensor.yaml").camera(),
         pairs=euroc.stereo_records(folder, _NAMES),
         frd_from_own=matrix(frd_from_axes(euroc.AXES)),
+        imu=euroc.imu_records(folder, "imu0") if with_imu else (),
     )
 
 

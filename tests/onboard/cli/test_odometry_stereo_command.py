@@ -10,12 +10,16 @@ from tests.data_folders import PICTURES
 from tests.onboard.algorithms.vision.wall import BASELINE_M, FOCAL_PX, HEIGHT, WIDTH, poll
 
 from gloc3.cli.program import _call
-from gloc3.evaluation.metrics import relative_errors, steps
+from gloc3.errors import InputError
+from gloc3.evaluation.metrics import TrajectoryAlignment, evaluate, relative_errors, steps
 from gloc3.evaluation.trajectory import read_trajectory
 from gloc3_onboard.algorithms.vision.stereo_motion import BEGUN
 from gloc3_onboard.cli.odometry import app
-from gloc3_onboard.cli.odometry_stereo import run_mono, run_stereo
+from gloc3_onboard.cli.odometry_stereo import StereoOptions, run_mono, run_stereo
 from gloc3_onboard.datasets.stereo_set import read_mono_set, read_stereo_set
+from gloc3_sitl.sequences.euroc import write_euroc
+from gloc3_sitl.sequences.smooth_flight import SmoothFlight
+from gloc3_sitl.world import World
 
 COUNT, STEP_M = 16, 0.02
 
@@ -75,6 +79,10 @@ def test_a_picture_that_cannot_be_read_is_told_and_stepped_over(folder: Path) ->
         (["/nowhere"], "there is no such folder"),
         (["{tmp}"], "no data set of EuRoC's kind"),
         (["{folder}", "--over", "0"], "--over must be above 0"),
+        (["{folder}", "--imu"], "a set of KITTI's form has no inertial unit"),
+        (["{folder}", "--calibration-px", "6"], "--calibration-px must be from 0 to 5"),
+        (["{folder}", "--nearest-m", "nan"], "--nearest-m must be from 0.05 to 100"),
+        (["{folder}", "--mono", "--nearest-m", "3"], "are for two cameras"),
     ],
 )
 def test_what_is_no_data_set_is_refused(folder: Path, tmp_path: Path, arguments: list[str], said: str) -> None:
@@ -82,6 +90,35 @@ def test_what_is_no_data_set_is_refused(folder: Path, tmp_path: Path, arguments:
 
     with pytest.raises(Gloc3Error, match=said):
         _call(app, ["stereo", *(word.format(tmp=tmp_path, folder=folder) for word in arguments)])
+
+
+def test_the_settings_of_the_components_are_those_of_the_command(folder: Path) -> None:
+    given = read_stereo_set(folder)
+    exact, wide = (run_stereo(given, StereoOptions(calibration_px=off_px))[0] for off_px in (0.0, 1.2))
+    assert np.abs(exact.position_m - wide.position_m).max() > 1e-5
+    assert wide.position_m[-1][0] == pytest.approx(STEP_M * (COUNT - 1), abs=0.02)
+    _, cost = run_stereo(given, StereoOptions(nearest_m=100.0))  # the wall is much nearer: at 2 m
+    assert cost.valid < COUNT - 4
+
+
+@pytest.mark.thorough
+def test_the_inertial_unit_of_a_data_set_bridges_pictures_that_are_black(tmp_path: Path) -> None:
+    world = World.load("hold")
+    flight = SmoothFlight(world, [(2.0, 2.0, 1.5), (6.0, 2.0, 1.8)], 0.6)
+    write_euroc(tmp_path, world, flight.truth, 2.0)
+    for place in (tmp_path / "mav0" / "cam0" / "data", tmp_path / "mav0" / "cam1" / "data"):
+        for picture in sorted(place.glob("*.png"))[18:20]:
+            cv2.imwrite(str(picture), np.zeros((480, 640), np.uint8))
+    truth = read_trajectory(tmp_path / "mav0" / "state_groundtruth_estimate0" / "data.csv")
+    costs = []
+    for with_imu in (False, True):
+        estimate, cost = run_stereo(read_stereo_set(tmp_path, with_imu=with_imu))
+        costs.append(cost)
+        assert evaluate(estimate, truth, TrajectoryAlignment.ORIGIN).absolute_m.max < 0.02
+    assert costs[0].valid == costs[1].valid - 2 == costs[1].inputs - 3
+    (tmp_path / "mav0" / "imu0" / "data.csv").unlink()
+    with pytest.raises(InputError, match="there is no imu0/data"):
+        read_stereo_set(tmp_path, with_imu=True)
 
 
 @pytest.mark.thorough

@@ -11,6 +11,7 @@ __all__ = [
     "mono_motion",
     "optical_follower",
     "picture",
+    "pose_fit",
     "stereo_motion",
     "stereo_odometry",
     "stereo_rig",

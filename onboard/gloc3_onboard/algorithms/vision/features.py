@@ -5,10 +5,12 @@ from typing import Final
 
 import numpy as np
 
+from gloc3_onboard.algorithms.odometry.gyro_turn import GyroTurn, InertialTurn
 from gloc3_onboard.algorithms.vision.corners import GridCorners, Pixels
 from gloc3_onboard.algorithms.vision.lucas_kanade import PatchTracker
 from gloc3_onboard.algorithms.vision.picture import LightEvener, Picture, problem
 from gloc3_onboard.algorithms.vision.point_tracker import NO_PIXELS, Ids, PointTracker
+from gloc3_onboard.algorithms.vision.pose_fit import vector_of
 from gloc3_onboard.algorithms.vision.rigid_guess import RigidGuess, match_patches
 from gloc3_onboard.algorithms.vision.stereo_match import StereoMatcher
 from gloc3_onboard.algorithms.vision.stereo_rig import StereoRig
@@ -18,6 +20,8 @@ _GAP_S: Final = 1.0
 TURNED_BACK_AFTER: Final = 5
 """Consecutive non-increasing times after which the clock counts as reset."""
 _FEW: Final = 8
+_TURNING_PX: Final = 2.0
+"""By how much gyros must shift the points from where they were headed for, to be asked where these are, px."""
 _MATCHED_SHARE: Final = 0.4
 """With less of the points matched that were matched before a pair of pictures is held to be a bad one, at first."""
 
@@ -59,10 +63,12 @@ class FeatureMatcher:
     Args:
         rig: the calibrated pair.
         options: how it works.
+        gyro: has the samples up to the pictures; None without an inertial unit.
     """
 
-    def __init__(self, rig: StereoRig, options: MatcherOptions | None = None) -> None:
+    def __init__(self, rig: StereoRig, options: MatcherOptions | None = None, gyro: GyroTurn | None = None) -> None:
         self._rig = rig
+        self._gyro = gyro
         self._options = options or MatcherOptions()
         self._light = LightEvener()
         self._patches = PatchTracker()
@@ -79,6 +85,7 @@ class FeatureMatcher:
         self._offset_ids: Ids = self._points.ids
         self._offset_px: Pixels = NO_PIXELS
         self._t_s = -np.inf
+        self._rate_rad_s = np.zeros(3)
         self._is_poor = False
         self._turned_back = 0
 
@@ -98,8 +105,9 @@ class FeatureMatcher:
         # Track from the anchor picture, then match along the epipolar lines (each in its own module).
         left, right = self._light.even(left), self._light.even(right)
         points = self._points
+        turn = None if self._gyro is None else self._gyro.turn(self._t_s, t_s)
         if points.has_anchor:
-            reason = points.follow(left, t_s - self._t_s, _Guide(self._guess, t_s))
+            reason = points.follow(left, t_s - self._t_s, _Guide(self._guess, t_s, self._sudden(turn, t_s)))
             if reason:
                 return _nothing(t_s, reason)
         offsets = self._known_offsets()
@@ -119,11 +127,19 @@ class FeatureMatcher:
             right_px = self._anchor(left, right, right_px)
         self._offset_ids, self._offset_px = points.ids, right_px - points.pixels
         self._guess.learn(t_s, points.ids, points.pixels, right_px)
+        self._rate_rad_s = np.zeros(3) if turn is None else vector_of(turn.rotation) / (t_s - self._t_s)
         self._t_s = t_s
         self._is_poor = int(np.isfinite(right_px[:, 0]).sum()) < _FEW
         if self._is_poor:
             return _nothing(t_s, self._stereo.problem() or "too little to see that both pictures show")
         return FeatureSet(t_s=t_s, ids=points.ids, pixels=points.pixels, right_pixels=right_px)
+
+    def _sudden(self, turn: InertialTurn | None, t_s: float) -> InertialTurn | None:
+        """The turn if it is another than that of the last step, so that the points are elsewhere than they headed for."""
+        if turn is None:
+            return None
+        change = vector_of(turn.rotation) - self._rate_rad_s * (t_s - self._t_s)
+        return turn if float(np.linalg.norm(change)) * self._rig.focal_px > _TURNING_PX else None
 
     def _problem(self, left: Picture, right: Picture, t_s: float) -> str:
         if not np.isfinite(t_s):
@@ -168,12 +184,17 @@ class FeatureMatcher:
 class _Guide:
     """Where the points of the last pair may be in a picture."""
 
-    def __init__(self, guess: RigidGuess, t_s: float) -> None:
-        self._guess, self._t_s = guess, t_s
+    def __init__(self, guess: RigidGuess, t_s: float, sudden: InertialTurn | None) -> None:
+        self._guess, self._t_s, self._sudden = guess, t_s, sudden
+
+    @property
+    def is_turning(self) -> bool:
+        """Whether gyros tell that the points do not go on as before."""
+        return self._sudden is not None
 
     def expected(self) -> tuple[Pixels, Pixels] | None:
-        """By the motion so far."""
-        motion = self._guess.ahead(self._t_s)
+        """By the motion so far, with the turn that gyros tell."""
+        motion = self._guess.ahead(self._t_s, self._sudden)
         return None if motion is None else self._guess.places(motion)
 
     def searched(self, picture: Picture, anchor: Picture, anchor_px: Pixels) -> tuple[Pixels, Pixels] | None:

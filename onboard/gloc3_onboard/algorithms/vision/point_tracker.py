@@ -30,6 +30,10 @@ _SURPRISED_SHARE: Final = 0.8
 class PointGuide(Protocol):
     """Tells where the points may be. Each answer is the places (n, 2) and the sizes they appear in (n,), or None."""
 
+    @property
+    def is_turning(self) -> bool:
+        """Whether the points are known not to go on as before."""
+
     def expected(self) -> tuple[Pixels, Pixels] | None:
         """By the motion so far."""
 
@@ -116,7 +120,7 @@ class PointTracker:
         assert self._anchor is not None
         by_speed = (self.pixels + self._speed_px_s * np.float32(after_s)).astype(np.float32)
         one = np.ones(len(by_speed), np.float32)
-        tried = guide.expected() if guide is not None and self.is_surprised else None
+        tried = guide.expected() if guide is not None and (self.is_surprised or guide.is_turning) else None
         best = self._find(picture, *(tried or (by_speed, one)))
         if best.share < _NEAR_SHARE:
             found, is_good = self._search_wide(picture)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gloc3.camera.geometry import Array
 from gloc3.camera.opencv import load_opencv
+from gloc3_onboard.algorithms.odometry.gyro_turn import InertialTurn
 from gloc3_onboard.algorithms.vision.corners import Pixels
 from gloc3_onboard.algorithms.vision.picture import Picture
 from gloc3_onboard.algorithms.vision.pose_fit import (
@@ -67,15 +68,23 @@ class RigidGuess:
         self._pairs = [*self._pairs[-1:], (t_s, ids, seen)]
         self._motion = None
 
-    def ahead(self, t_s: float) -> RigidMotion | None:
-        """The motion from the last pair to a time, if the last motion goes on; None without one."""
+    def ahead(self, t_s: float, turn: InertialTurn | None = None) -> RigidMotion | None:
+        """The motion from the last pair to a time, if the last motion goes on; None without one.
+
+        Args:
+            t_s: when.
+            turn: of the body by gyros in this time, instead of the last motion's.
+        """
         if self._motion is None and len(self._pairs) == 2:
             self._motion = self._last()
         if self._motion is None:
             return None
         (first_s, _, _), (last_s, _, _) = self._pairs
         times = (t_s - last_s) / (last_s - first_s)
-        rotation = rotation_of(times * vector_of(self._motion.rotation))
+        axes = self._rig.frd_from_rectified
+        rotation = (
+            rotation_of(times * vector_of(self._motion.rotation)) if turn is None else axes.T @ turn.rotation @ axes
+        )
         return RigidMotion(position_m=times * self._motion.position_m, rotation=rotation)
 
     def _last(self) -> RigidMotion | None:

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from gloc3.camera.geometry import Array
 from gloc3.messages.perception import UNKNOWN_VARIANCE
+from gloc3_onboard.algorithms.odometry.gyro_turn import GyroTurn, InertialTurn
+from gloc3_onboard.algorithms.odometry.held_motion import HeldMotion
 from gloc3_onboard.algorithms.vision.features import TURNED_BACK_AFTER, FeatureSet
 from gloc3_onboard.algorithms.vision.pose_fit import (
     LARGEST_NOISE,
@@ -45,6 +47,9 @@ _ODD_SHARE: Final = 0.3
 """Distance from where the motion led, as a share of its step, above which a second motion is looked for."""
 _LASTING_S: Final = 0.5
 """Time without a motion after which the key frame is dropped, s."""
+_CONTRADICTION: Final = 25.0
+"""Squared difference of the turns by points and by gyros, over its covariance, above which the points are wrong."""
+_HELD_QUALITY: Final = 0.1
 _SHARED: Final = 1.1
 _OWN: Final = 1.5
 """What the covariance is multiplied by: a part for errors that neighbouring points share, and one for residuals that are
@@ -72,6 +77,10 @@ class MotionOptions:
     """With a standard deviation above it a motion is not valid."""
     acceleration_max_m_s2: float = 20.0
     """A motion that would have taken more is not believed."""
+    hold_s: float = 0.3
+    """With gyros: longest time without a motion over which their turn and the last speed stand in for one."""
+    hold_m_s2: float = 1.5
+    """Standard deviation of each component of the body's acceleration meanwhile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +102,7 @@ class KeyFrameMotion:
     """Points in use."""
     is_valid: bool
     reason: str = ""
+    """Why it is not valid, or is held by the gyros."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -110,11 +120,22 @@ class _Key:
 
 
 class StereoMotion:
-    """Estimates the motion of a stereo pair from features; holds the key frame."""
+    """Estimates the motion of a stereo pair from features; holds the key frame.
 
-    def __init__(self, rig: StereoRig, options: MotionOptions | None = None) -> None:
+    With gyros it expects the turn that they measure, refuses points that contradict it, and goes on by it for a short
+    time in which the points tell no motion.
+
+    Args:
+        rig: the calibrated pair.
+        options: how it works.
+        gyro: has the samples up to the features; None without an inertial unit.
+    """
+
+    def __init__(self, rig: StereoRig, options: MotionOptions | None = None, gyro: GyroTurn | None = None) -> None:
         self._rig = rig
+        self._gyro = gyro
         self._options = options or MotionOptions()
+        self._hold = HeldMotion(self._options.hold_s, self._options.hold_m_s2)
         self._noise = PoseFitNoise(
             ray=self._options.ray_px / rig.focal_px,
             disparity=self._options.disparity_px / rig.focal_px,
@@ -135,9 +156,31 @@ class StereoMotion:
         self._last_s = -np.inf
         self._good_s = -np.inf
         self._turned_back = 0
+        self._inertial: InertialTurn | None = None
+        self._turn_covariance: Array = np.zeros((3, 3))
+        self._hold.begin(-np.inf)
 
     def update(self, features: FeatureSet) -> KeyFrameMotion:
         """The motion since the key frame."""
+        t_s = features.t_s
+        self._inertial = None if self._gyro is None else self._gyro.turn(self._last_s, t_s)
+        motion = self._measured(features)
+        return motion if motion.is_valid else self._held(t_s, motion.reason) or motion
+
+    def hold(self, t_s: float, reason: str) -> KeyFrameMotion | None:
+        """The motion by the gyros and the last speed, where there are no features.
+
+        Args:
+            t_s: when.
+            reason: why there are none.
+
+        Returns:
+            None without gyros, too long after the last motion, or where it is not known well enough.
+        """
+        self._inertial = None if self._gyro is None else self._gyro.turn(self._last_s, t_s)
+        return self._held(t_s, reason)
+
+    def _measured(self, features: FeatureSet) -> KeyFrameMotion:
         t_s = features.t_s
         if features.reason or not np.isfinite(t_s):
             return self._lost(t_s, features.reason or "the time is not a number")
@@ -168,10 +211,14 @@ class StereoMotion:
         if fit is None or reason:
             self._level *= _NOISE_GROWTH
             return self._lost(t_s, reason)
+        if self._gyro is not None and self._inertial is not None:
+            turned, covariance = self._turned(fit)
+            self._gyro.learn(self._last_s, t_s, turned, float(np.trace(covariance)) / 3.0)
         self._apply_fit(fit, t_s)
         self._level += _NOISE_GAIN * (fit.noise - self._level)
         count = int(fit.is_inlier.sum())
         motion = self._motion(fit, t_s, count)
+        self._hold.follow(t_s, motion.position_m, motion.rotation, motion.covariance)
         key.inverse_m[of_key[fit.is_inlier]] = fit.inverse_m[fit.is_inlier]
         key.inverse_variance[of_key[fit.is_inlier]] = self._floored(fit.inverse_variance[fit.is_inlier])
         raw = (self._noise.disparity / self._rig.baseline_m) ** 2
@@ -179,6 +226,8 @@ class StereoMotion:
         moved = float(np.linalg.norm(fit.position_m)) * float(np.median(points.inverse_m))
         if count < self._options.key_share * key.used or moved > self._options.key_depth:
             self._renew(features, seen, fit, of_key, of_now)
+            self._hold.renew(t_s, motion.rotation)
+            self._turn_covariance = np.zeros((3, 3))
         return motion
 
     def _floored(self, variance: Array) -> Array:
@@ -186,14 +235,41 @@ class StereoMotion:
         return np.maximum(variance, least)
 
     def _begin(self, features: FeatureSet, seen: Array) -> KeyFrameMotion:
-        """The first key frame, or one after a gap."""
-        is_placed = _all_finite(seen)
+        """The first key frame, or one after a gap; the gyros lead to it over a short one."""
+        t_s, is_placed = features.t_s, _all_finite(seen)
         if int(is_placed.sum()) < _LEAST_POINTS:
-            return self._lost(features.t_s, f"{int(is_placed.sum())} points are seen by both cameras")
-        self.reset()
+            return self._lost(t_s, f"{int(is_placed.sum())} points are seen by both cameras")
+        held = self._held(t_s, BEGUN)
+        if held is not None:
+            self._speed_m_s = (self._rig.frd_from_rectified.T @ held.rotation.T @ self._rig.frd_from_rectified) @ (
+                self._speed_m_s
+            )
+            self._hold.renew(t_s, held.rotation)
+            self._turn_covariance, self._turn_s = np.zeros((3, 3)), 0.0
+        else:
+            self.reset()
+            self._hold.begin(t_s)
         self._set_key(features, seen, is_placed)
-        self._last_s = self._good_s = features.t_s
-        return self._lost(features.t_s, BEGUN)
+        self._last_s = self._good_s = t_s
+        return held or self._lost(t_s, BEGUN)
+
+    def _held(self, t_s: float, reason: str) -> KeyFrameMotion | None:
+        found = self._hold.ahead(t_s, self._inertial)
+        key = self._key
+        if found is None or key is None or np.sqrt(np.trace(found[2][:3, :3])) > self._options.std_max_m:
+            return None
+        position, rotation, covariance = found
+        return KeyFrameMotion(
+            t_s=t_s,
+            reference_t_s=key.t_s,
+            position_m=position,
+            rotation=rotation,
+            covariance=covariance,
+            quality=_HELD_QUALITY,
+            points=0,
+            is_valid=True,
+            reason=f"held by the gyros: {reason}",
+        )
 
     def _set_key(self, features: FeatureSet, seen: Array, is_placed: NDArray[np.bool_]) -> None:
         base = self._rig.baseline_m
@@ -253,6 +329,9 @@ class StereoMotion:
         # Constant velocity: p + v dt; the last step's turn once more, R dR, unless pictures are missing between.
         ahead_s = t_s - self._last_s
         turned = self._rotation @ self._turn if ahead_s < 1.5 * self._turn_s else self._rotation
+        if self._inertial is not None:
+            axes = self._rig.frd_from_rectified
+            turned = self._rotation @ (axes.T @ self._inertial.rotation @ axes)
         return self._position + self._speed_m_s * ahead_s, turned
 
     def _fit(self, points: Points, t_s: float) -> PoseFit | None:
@@ -278,6 +357,9 @@ class StereoMotion:
         std_m = float(np.sqrt(np.trace(fit.covariance[:3, :3])))
         if std_m > self._options.std_max_m:
             return f"the points determine the motion only to {std_m:.2f} m"
+        reason = self._contradiction(fit)
+        if reason:
+            return reason
         if self._turn_s == 0.0:  # nothing is known yet of how it moves
             return ""
         # Gate: an acceleration a between two steps changes the place by a dt^2 from the predicted one.
@@ -292,6 +374,23 @@ class StereoMotion:
         if share < _SURE_SHARE and is_odd and self._is_rivalled(fit, points, t_s, jump_m):
             return "the points fit two motions"
         return ""
+
+    def _contradiction(self, fit: PoseFit) -> str:
+        """Why the turn by the points cannot be; empty if it agrees with the gyros, or there are none."""
+        if self._inertial is None:
+            return ""
+        turned, covariance = self._turned(fit)
+        off = vector_of(self._inertial.rotation.T @ turned)
+        covariance = covariance + self._inertial.variance_rad2 * np.eye(3)
+        if float(off @ np.linalg.solve(covariance, off)) <= _CONTRADICTION:
+            return ""
+        return f"the points turn by {np.degrees(np.linalg.norm(off)):.1f} degrees more than the gyros"
+
+    def _turned(self, fit: PoseFit) -> tuple[Array, Array]:
+        """Turn of the body since the last motion, then from now, FRD, and the covariance of its rotation vector."""
+        axes = self._rig.frd_from_rectified
+        covariance = self._covariance(fit)[3:, 3:] + self._turn_covariance
+        return axes @ self._rotation.T @ fit.rotation @ axes.T, axes @ covariance @ axes.T
 
     def _is_rivalled(self, fit: PoseFit, points: Points, t_s: float, jump_m: float) -> bool:
         """Whether the inconsistent points fit another motion, closer to the previous one.
@@ -320,6 +419,7 @@ class StereoMotion:
         self._turn, self._turn_s = self._rotation.T @ fit.rotation, after_s
         self._position, self._rotation = fit.position_m, fit.rotation
         self._last_s = self._good_s = t_s
+        self._turn_covariance = self._covariance(fit)[3:, 3:]
 
     def _motion(self, fit: PoseFit, t_s: float, count: int) -> KeyFrameMotion:
         key = self._key
@@ -335,9 +435,7 @@ class StereoMotion:
         change[:3, :3] = turn
         change[:3, 3:] = rotation @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ turn
         change[3:, 3:] = turn
-        scale = _SHARED + float(np.median(fit.squares)) * _OWN
-        own = fit.covariance * scale + self._of_calibration(fit)
-        covariance = change @ own @ change.T
+        covariance = change @ self._covariance(fit) @ change.T
         share = float(fit.is_inlier.mean())
         return KeyFrameMotion(
             t_s=t_s,
@@ -349,6 +447,11 @@ class StereoMotion:
             points=count,
             is_valid=True,
         )
+
+    def _covariance(self, fit: PoseFit) -> Array:
+        """Of the camera's motion since the key frame, (6, 6)."""
+        scale = _SHARED + float(np.median(fit.squares)) * _OWN
+        return np.asarray(fit.covariance * scale + self._of_calibration(fit))
 
     def _of_calibration(self, fit: PoseFit) -> Array:
         """What errors of the calibration add to the covariance of the camera's motion, (6, 6)."""

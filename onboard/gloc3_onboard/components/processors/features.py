@@ -7,7 +7,7 @@ from gloc3.component.component import DataProcessor
 from gloc3.component.ports import Inbox, Input, Keep, Output, Result
 from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.envelope import Envelope
-from gloc3.messages.perception import Features
+from gloc3.messages.perception import Features, ImuSample
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.checks.frame_check import complaint
 from gloc3_onboard.sensors.checks.silence import InputSilence
@@ -33,12 +33,16 @@ class FeatureSettings(Settings, frozen=True):
 
 
 class FeatureProcessor(DataProcessor[FeatureSettings]):
-    """Reports the features of each pair of pictures that have the same time; invalid with a reason where there are none."""
+    """Reports the features of each pair of pictures that have the same time; invalid with a reason where there are none.
+
+    With `inertial` bound to the topic of an inertial unit, its gyros tell where features are looked for in a turn.
+    """
 
     loggable = ("pairs", "skipped", "refused", "points", "reason")
 
     left = Input(Image, Keep.ALL)
     right = Input(Image, Keep.ALL)
+    inertial = Input(ImuSample, Keep.ALL, 512, is_optional=True)
     features = Output(Features)
 
     def __init__(self, rig: Rig) -> None:
@@ -55,6 +59,7 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
 
     def start(self) -> None:
         """Begins without a past."""
+        from gloc3_onboard.algorithms.odometry.gyro_turn import GyroTurn
         from gloc3_onboard.algorithms.vision.feature_message import message_of
         from gloc3_onboard.algorithms.vision.features import FeatureMatcher, MatcherOptions
         from gloc3_onboard.algorithms.vision.picture import pixels_of
@@ -64,12 +69,16 @@ class FeatureProcessor(DataProcessor[FeatureSettings]):
         rig = stereo_rig(calibrated(self._rig, given.left), calibrated(self._rig, given.right))
         options = MatcherOptions(cell_px=given.cell_px, nearest_m=given.nearest_m, may_repeat=given.may_repeat)
         self._pixels_of, self._message_of = pixels_of, message_of
-        self._matcher = FeatureMatcher(rig, options)
+        self._gyro = GyroTurn()
+        self._matcher = FeatureMatcher(rig, options, self._gyro)
         self._lefts, self._rights = {}, {}
         self._silence = InputSilence()
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Features of the newest pair; pairs that arrive too fast are skipped, not queued."""
+        for sample in inbox.new(self.inertial):
+            if sample.payload.is_valid:
+                self._gyro.add(sample.t_s, sample.payload.rate_frd_rad_s)
         self._lefts |= {envelope.t_s: envelope for envelope in inbox.new(self.left)}
         self._rights |= {envelope.t_s: envelope for envelope in inbox.new(self.right)}
         both = sorted(self._lefts.keys() & self._rights.keys())

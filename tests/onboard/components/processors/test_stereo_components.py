@@ -17,7 +17,7 @@ from gloc3.component.test_bench import Bench
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import rotate
-from gloc3.messages.perception import UNKNOWN_VARIANCE, Features, Odometry
+from gloc3.messages.perception import UNKNOWN_VARIANCE, Features, ImuSample, Odometry
 from gloc3.messages.topics import TopicTable
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.algorithms.vision.picture import Picture
@@ -164,6 +164,57 @@ def test_damaged_features_are_told(
     assert reported(moving.work(0.1, inbox_of(features=at(0.1, good)))).message.reason == BEGUN
     again = reported(moving.work(0.1, inbox_of(features=at(0.05, good)))).message
     assert again.reason == "the time does not grow"
+
+
+def resting(t_s: float, *, is_valid: bool = True) -> ImuSample:
+    """Gyros with the noise of real ones; marked as unusable they turn."""
+    p, q, r = np.random.default_rng(round(1e3 * t_s) + 1000).normal(0.0, 1e-3, 3).tolist()
+    return ImuSample(
+        rate_frd_rad_s=(p, q, r) if is_valid else (9.0, 9.0, 9.0),
+        specific_force_frd_m_s2=(0.0, 0.0, -9.81),
+        is_valid=is_valid,
+    )
+
+
+def test_with_an_inertial_unit_a_black_picture_is_bridged_and_bound_nowhere_it_is_told() -> None:
+    def row(name: str, odometry: str, **ports: str) -> ComponentRow:
+        class_name = "gloc3_onboard.components.processors.stereo_odometry:StereoOdometryProcessor"
+        bound: dict[str, str | list[str]] = {"features": "features/front", "odometry": odometry, **ports}
+        return ComponentRow(name=name, class_name=class_name, trigger="features", ports=bound)
+
+    features = ComponentRow(
+        name="features",
+        class_name="gloc3_onboard.components.processors.features:FeatureProcessor",
+        trigger="right",
+        ports={
+            "left": "camera/front_left",
+            "right": "camera/front_right",
+            "features": "features/front",
+            "inertial": "imu",
+        },
+    )
+    with Bench(topics=TopicTable.installed()) as bench:
+        bench.host(features, lambda: FeatureProcessor(Calibrated()))
+        bench.host(row("with", "odometry/stereo", inertial="imu"), lambda: StereoOdometryProcessor(Calibrated()))
+        bench.host(row("without", "odometry/second"), lambda: StereoOdometryProcessor(Calibrated()))
+        bench.run(0.1)
+        for n in range(8):
+            for sample in range(10):
+                t_s = (n - 1 + sample / 10.0) / RATE_HZ
+                bench.send("imu", resting(t_s, is_valid=sample != 5), t_s=t_s)
+            for topic, envelope in zip(("camera/front_left", "camera/front_right"), pair(n), strict=True):
+                image = envelope.payload
+                if n == 5:
+                    image = msgspec.structs.replace(image, is_valid=False, reason="black: its mean is 3 of 255")
+                bench.send(topic, image, t_s=envelope.t_s)
+            bench.run(1.0 / RATE_HZ)
+        found, without = bench.all("odometry/stereo"), bench.all("odometry/second")
+        assert [odometry.is_valid for odometry in without] == [False, True, True, True, True, False, True, True]
+        assert [odometry.is_valid for odometry in found] == [False] + [True] * 7
+        assert found[5].reason == "held by the gyros: front_left: black: its mean is 3 of 255"
+        assert found[5].position_m[1] == pytest.approx(5 * STEP_M, abs=0.01)
+        assert found[5].quality < found[4].quality
+        assert found[5].covariance[0] > found[4].covariance[0]
 
 
 def test_cameras_that_are_not_calibrated_are_refused() -> None:

@@ -23,7 +23,7 @@ NOT_COMPILED: Final = """\
 
 A flight in virtual time has no part that takes most of the time. `gloc3 fly patrol --seed 1` under cProfile makes 59 million
 calls in 671 simulated seconds, and the function with the largest share has 2 %: the event loop. The search for cyclic
-garbage takes 0.2 %. Other interpreters were measured by processor time, in turn with the one that is used:
+garbage takes 0.2 %. Other interpreters were measured once, by hand, in processor time, in turn with the one that is used:
 
 | what | time of a patrol, as a share |
 | --- | --- |

@@ -193,14 +193,16 @@ def fit_offset_s(ours: MotionTrack, theirs: MotionTrack) -> tuple[float, float]:
     Raises:
         Refused: there is too little motion, or the motions are not the same.
     """
+    from scipy.signal import correlate
+
     (our_begin_s, our_speeds), (their_begin_s, their_speeds) = _speeds(ours), _speeds(theirs)
     for speeds, whose in ((our_speeds, "our log"), (their_speeds, "the autopilot's log")):
         if speeds.shape[1] * GRID_S < LEAST_OVERLAP_S or speeds.std() < LEAST_SPEED_M_S:
             raise Refused(f"{whose} has too little motion to find how the clocks differ; set --offset SECONDS")
     ones = np.ones(our_speeds.shape[1]), np.ones(their_speeds.shape[1])
-    product = sum(_correlate(a, b) for a, b in zip(our_speeds, their_speeds, strict=True))
-    energy = sum(_correlate(a * a, ones[1]) for a in our_speeds), sum(_correlate(ones[0], b * b) for b in their_speeds)
-    overlap_s = _correlate(*ones) * GRID_S
+    product = sum(correlate(a, b) for a, b in zip(our_speeds, their_speeds, strict=True))
+    energy = sum(correlate(a * a, ones[1]) for a in our_speeds), sum(correlate(ones[0], b * b) for b in their_speeds)
+    overlap_s = correlate(*ones) * GRID_S
     least_s = max(LEAST_OVERLAP_S, 0.5 * min(our_speeds.shape[1], their_speeds.shape[1]) * GRID_S)
     quality = product / np.sqrt(np.maximum(energy[0] * energy[1], 1e-12))
     quality = np.where(overlap_s >= least_s - 0.5 * GRID_S, quality, -1.0)
@@ -216,13 +218,6 @@ def fit_offset_s(ours: MotionTrack, theirs: MotionTrack) -> tuple[float, float]:
         shift += 0.5 * float((below - above) / (below - 2.0 * at + above)) if below + above < 2.0 * at else 0.0
     lag_s = (shift - (their_speeds.shape[1] - 1)) * GRID_S
     return our_begin_s + lag_s - their_begin_s, float(quality[best])
-
-
-def _correlate(a: Floats, b: Floats) -> Floats:
-    """Their cross-correlation at every lag, as `np.correlate(a, b, "full")`, by Fourier transforms."""
-    size = len(a) + len(b) - 1
-    padded = 1 << size.bit_length()
-    return np.fft.irfft(np.fft.rfft(a, padded) * np.fft.rfft(b[::-1], padded), padded)[:size]
 
 
 def _speeds(track: MotionTrack) -> tuple[float, Floats]:

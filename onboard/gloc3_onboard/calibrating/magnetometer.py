@@ -91,7 +91,7 @@ def magnetometer(
     if code == WRITTEN and parameters is not None:
         write_parameters(parameters, fit, rotation, f"hard and soft iron, by gloc3 calibrate magnetometer, {today()}")
         narrate(
-            f"parameters written into {parameters}; load them on the ground station's screen Parameters, then restart"
+            f"parameters written into {parameters}; load them in the ground station (Services, Parameters), then restart the autopilot"
         )
     return code
 

@@ -53,7 +53,7 @@ def gloc3(*arguments: str, without: tuple[str, ...], cwd: Path) -> subprocess.Co
     hidden = modules_of(*without)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-c", HIDE.format(hidden=hidden), *arguments]
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=900, check=False)
 
 
 ALL = tuple(PROJECT["optional-dependencies"])

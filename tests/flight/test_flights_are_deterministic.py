@@ -19,7 +19,7 @@ def fly(out: Path, *options: str, mission: str, seed: int = 3, hash_seed: int) -
     environment = {"PYTHONHASHSEED": str(hash_seed), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     options = (mission, *options, "--quiet", "--seed", str(seed), "--out", str(out))
     command = [sys.executable, "-c", RUN, "fly", *options]
-    reported = subprocess.run(command, check=False, env=environment, capture_output=True, text=True, timeout=120)
+    reported = subprocess.run(command, check=False, env=environment, capture_output=True, text=True, timeout=900)
     assert (out / "log.mcap").is_file(), reported.stderr
     return out
 

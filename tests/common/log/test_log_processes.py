@@ -64,7 +64,7 @@ def test_the_same_run_gives_the_same_bytes_with_any_hash_seed_in_any_folder(tmp_
         log.parent.mkdir()
     processes = [start(VIRTUAL, log, seed) for log, seed in zip(logs, ("1", "4242"), strict=True)]
     for process in processes:
-        process.communicate(timeout=120)
+        process.communicate(timeout=900)
         assert process.returncode == 0
     one, other = (log.read_bytes() for log in logs)
     assert len(one) > 20_000

@@ -5,4 +5,4 @@
 
 __version__ = "0.1.0"
 
-__all__ = ["amounts", "clock", "errors", "installed", "line_of_sight", "plan_wire", "rtcm3"]
+__all__ = ["amounts", "clock", "errors", "installed", "line_of_sight", "loading", "plan_wire", "rtcm3"]

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gloc3.loading import load_modules
 from gloc3.messages.frames import Vector3
 from gloc3_onboard.algorithms.fusion.kalman import load_filter
 
@@ -62,6 +63,7 @@ class ErrorState:
     """A covariance matrix with names for its parts."""
 
     def __init__(self) -> None:
+        load_modules("scipy.linalg.lapack")
         from scipy.linalg.lapack import dposv
 
         self._solve: Callable[..., Any] = dposv

@@ -9,21 +9,24 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any, Final
 
+from gloc3.loading import LOADING
+
 _FILTERS: Final = "filterpy.kalman"
 _STATISTICS: Final = "filterpy.stats"
 
 
 def load_filter() -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Loads filterpy, and returns its functions `predict` and `update`."""
-    if _FILTERS not in sys.modules and _STATISTICS not in sys.modules:
-        stand_in = ModuleType(_STATISTICS)
-        stand_in.__dict__["logpdf"] = _logpdf
-        sys.modules[_STATISTICS] = stand_in
-    try:
-        from filterpy.kalman import predict, update
-    finally:
-        if getattr(sys.modules.get(_STATISTICS), "logpdf", None) is _logpdf:
-            sys.modules.pop(_STATISTICS, None)
+    with LOADING:
+        if _FILTERS not in sys.modules and _STATISTICS not in sys.modules:
+            stand_in = ModuleType(_STATISTICS)
+            stand_in.__dict__["logpdf"] = _logpdf
+            sys.modules[_STATISTICS] = stand_in
+        try:
+            from filterpy.kalman import predict, update
+        finally:
+            if getattr(sys.modules.get(_STATISTICS), "logpdf", None) is _logpdf:
+                sys.modules.pop(_STATISTICS, None)
     return predict, update
 
 

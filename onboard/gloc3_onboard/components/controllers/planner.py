@@ -6,6 +6,7 @@ from typing import Annotated
 from gloc3.component.component import Controller
 from gloc3.component.ports import Inbox, Input, Output, Result
 from gloc3.component.settings import Bounds, Settings
+from gloc3.loading import load_modules
 from gloc3.messages.perception import OccupancyMap
 from gloc3.messages.standard_topics import POSE_LOST_S
 from gloc3.messages.vehicle import MotionLimits, PlannedRoute, Pose, RouteWanted
@@ -44,8 +45,7 @@ class PlannerController(Controller[PlannerSettings]):
     def initialize(self, settings: PlannerSettings) -> None:
         """Loads what the search needs."""
         self.settings = settings
-        import scipy.ndimage
-        import scipy.sparse.csgraph  # noqa: F401
+        load_modules("scipy.ndimage", "scipy.sparse.csgraph")
 
     def start(self) -> None:
         """Knows no request."""

@@ -8,6 +8,7 @@ from gloc3.camera.opencv import load_opencv
 from gloc3.component.component import DataProcessor
 from gloc3.component.ports import Inbox, Input, Keep, Output, Result
 from gloc3.component.settings import Bounds, Settings
+from gloc3.loading import load_modules
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.frames import Vector3, from_euler, to_euler
 from gloc3.messages.perception import UNKNOWN_VARIANCE, LaserScan, Odometry, no_motion
@@ -70,10 +71,8 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
 
     def initialize(self, settings: LaserOdometrySettings) -> None:
         """Adopts the settings and loads the odometer."""
-        import scipy.spatial
-
+        load_modules("scipy.spatial")
         load_opencv()
-        assert scipy.spatial.cKDTree
         self.settings = settings
         self.start()
 

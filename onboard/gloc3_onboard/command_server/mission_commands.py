@@ -454,7 +454,7 @@ class MissionChecks:
 
 def _check(text: str, name: str, circumstances: Circumstances) -> CheckReport:
     before_s = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_S)
+    sys.setswitchinterval(min(SWITCH_S, before_s))
     try:
         return check_text(text, name, circumstances)
     finally:

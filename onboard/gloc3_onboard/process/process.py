@@ -4,6 +4,7 @@ import asyncio
 import faulthandler
 import gc
 import os
+import sys
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -46,6 +47,8 @@ from gloc3_onboard.video.streams import StreamedCamera, VideoAddress, VideoSourc
 if TYPE_CHECKING:
     from gloc3.network.file import Membership
 
+REAL_TIME_SWITCH_S: Final = 0.0002
+"""For so long, in seconds, another thread may keep the interpreter; Python's own choice is 5 ms."""
 DEVICES: Final = (*HOST_DEVICES, *sensor_kinds(), *(f"*_{sensor}" for sensor in sensor_kinds()))
 """What this host has; installed packages bring more."""
 
@@ -262,11 +265,13 @@ class OnboardProcess:
         """All components are up: nothing holds up the control path from now on that need not.
 
         What is loaded stays, so that no search for garbage goes through it. The loop has real-time priority only now,
-        because what it makes while starting shall keep the priority of the process.
+        because what it makes while starting shall keep the priority of the process. Priority alone does not take the
+        interpreter from another thread: that gives it up within this interval.
         """
         gc.freeze()
         if self._options.is_real_time:
             take_real_time_priority()
+            sys.setswitchinterval(REAL_TIME_SWITCH_S)
 
     def read_platform(self) -> Platform:
         """The platform file as it is now.

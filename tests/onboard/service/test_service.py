@@ -26,6 +26,7 @@ pytestmark = pytest.mark.sockets
 STUCK = '''
 """A sampler that hangs for as long as a file is there."""
 
+import sys
 import time
 from pathlib import Path
 from typing import Annotated
@@ -51,6 +52,7 @@ class StuckSampler(SensorSampler[StuckSettings]):
     def work(self, now_s, inbox):
         while Path("stuck").exists():
             time.sleep(0.05)
+        Path("switch_s").write_text(str(sys.getswitchinterval()))
         return []
 '''
 SERVER = (
@@ -235,6 +237,9 @@ def test_the_loop_and_the_required_components_alone_have_real_time_priority_wher
             time.sleep(0.05)
         assert found.count(REAL_TIME) == 3, "the loop, stuck and command_server"
         assert found.count(os.SCHED_OTHER) == len(found) - 3 > 0
+        while float((bench / "switch_s").read_text() or 1.0) > 0.0003:
+            assert time.monotonic() < end_s, "other threads keep the interpreter for longer"
+            time.sleep(0.05)
     finally:
         program.interrupt()
         program.end()

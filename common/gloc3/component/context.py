@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 from random import Random
 from typing import NamedTuple
+from zlib import crc32
 
 from gloc3.clock import Clock
 from gloc3.component.memory import MemoryReserve
@@ -30,7 +31,14 @@ class HostContext(NamedTuple):
     """What is left for the others when memory is used up; None where it is not reserved."""
 
     is_real_time: bool = False
-    """Whether the required components have real-time priority."""
+    """Whether the required components have real-time priority, and the cycles of all are spread over their periods."""
+
+    def phase(self, name: str) -> float:
+        """By which share of its period a component's cycles come later.
+
+        In real time the cycles of all are spread, so that those of one rate do not wait for one another.
+        """
+        return crc32(name.encode()) / 2**32 if self.is_real_time else 0.0
 
     def new_worker(self, name: str, *, is_required: bool) -> Worker:
         """A worker for one component."""

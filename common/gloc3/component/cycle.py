@@ -200,12 +200,12 @@ class Cycler:
     # --- start, stop, rate ---
 
     def start(self, job: CycleJob) -> None:
-        """Begins the cycles, the first one at once."""
+        """Begins the cycles, the first one at once, but in real time."""
         now_s = self._loop.time()
         self._job = job
         self._was_prompted = self._is_owed = False
         self.statistics.restart(now_s)
-        self._restart_timer(now_s)
+        self._restart_timer(now_s + self._context.phase(self._row.name) / (self.rate_hz or 1.0))
 
     def stop(self) -> None:
         """Ends the cycles; one that is under way is abandoned."""

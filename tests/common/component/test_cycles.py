@@ -1,5 +1,7 @@
 """Cycles under the host: periodic and triggered, overruns, hanging, rates, inputs."""
 
+from itertools import pairwise
+
 import pytest
 
 from gloc3.component.lci import State
@@ -26,6 +28,22 @@ def test_periodic_cycles_keep_their_rate_without_drift() -> None:
         bench.run(60.0)
         assert times(bench) == pytest.approx([index / 30.0 for index in range(1801)], abs=1e-9)
         assert status_of(bench).overruns == 0
+
+
+def test_in_real_time_the_cycles_of_components_of_one_rate_are_spread_over_the_period() -> None:
+    names = [f"sonar_{number}" for number in range(8)]
+    with Bench() as bench:
+        bench.context = bench.context._replace(is_real_time=True)
+        for name in names:
+            bench.host(row(name, ports={"result": name}), lambda: Specimen(Diary()))
+        bench.run(0.35)
+    began = [[each.t_s for each in bench.envelopes if each.topic == f"bench/{name}"] for name in names]
+    assert all(
+        0.0 <= times[0] < 0.1 and times[1:] == pytest.approx([t_s + 0.1 for t_s in times[:-1]]) for times in began
+    )
+    first = sorted(times[0] for times in began)
+    assert first[-1] - first[0] > 0.05
+    assert all(later - sooner > 1e-4 for sooner, later in pairwise(first))
 
 
 def test_a_cycle_can_be_begun_by_an_inputs_arrival() -> None:

@@ -1,6 +1,6 @@
 """Delays of the control path: a component at 100 Hz beside the whole perception load, against a bare sleeping loop.
 
-Run it on a computer that does nothing else: it takes 13 minutes. `python -m tests.evidence.real_time 60 [--without]`
+Run it on a computer that does nothing else: it takes 24 minutes. `python -m tests.evidence.real_time 60 [--without]`
 measures once, for so many seconds.
 """
 
@@ -153,6 +153,7 @@ def run(progress: Progress) -> list[Figure]:
     figures = []
     for title, is_service, run_s in (
         ("as a service with --real-time", True, RUN_S),
+        ("once more, as a service with --real-time", True, RUN_S),
         ("without its priorities and gc.freeze", False, WITHOUT_S),
     ):
         found = progress.part(title, partial(measured, run_s, is_service=is_service))

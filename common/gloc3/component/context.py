@@ -7,8 +7,9 @@ from typing import NamedTuple
 from zlib import crc32
 
 from gloc3.clock import Clock
+from gloc3.component.deployment import ComponentRow
 from gloc3.component.memory import MemoryReserve
-from gloc3.component.workers import InlineWorker, ThreadWorker, Worker
+from gloc3.component.workers import InlineWorker, ThreadWorker, Worker, rate_priority
 from gloc3.exchange.base import Exchange
 from gloc3.messages.topics import TopicTable
 
@@ -31,7 +32,7 @@ class HostContext(NamedTuple):
     """What is left for the others when memory is used up; None where it is not reserved."""
 
     is_real_time: bool = False
-    """Whether the required components have real-time priority, and the cycles of all are spread over their periods."""
+    """Whether the required components have real-time priority by rate, and the cycles of all are spread over their periods."""
 
     def phase(self, name: str) -> float:
         """By which share of its period a component's cycles come later.
@@ -40,9 +41,10 @@ class HostContext(NamedTuple):
         """
         return crc32(name.encode()) / 2**32 if self.is_real_time else 0.0
 
-    def new_worker(self, name: str, *, is_required: bool) -> Worker:
+    def new_worker(self, row: ComponentRow) -> Worker:
         """A worker for one component."""
         if self.clock.is_virtual:
             return InlineWorker(self.loop)
         make_room = (lambda: False) if self.memory is None else self.memory.release
-        return ThreadWorker(self.loop, name, make_room, is_real_time=self.is_real_time and is_required)
+        priority = rate_priority(row.rate_hz or 1.0) if self.is_real_time and row.required else 0
+        return ThreadWorker(self.loop, row.name, make_room, priority=priority)

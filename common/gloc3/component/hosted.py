@@ -45,7 +45,7 @@ class HostedComponent:
         """Whether a driver has worked on its device and has not made it safe since."""
         self._is_driver = isinstance(component, ActuatorDriver)
         self.gate = Gate()
-        worker = context.new_worker(row.name, is_required=row.required)
+        worker = context.new_worker(row)
         self.jobs: Final = JobQueue(context.loop, worker, self._give_up)
         self._create = create
         self._context = context

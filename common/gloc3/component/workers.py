@@ -12,12 +12,13 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from math import floor, log2
 from typing import Any, Final, NamedTuple, ParamSpec, Protocol, TypeVar
 
 from gloc3.errors import Refused
 
 REAL_TIME_PRIORITY: Final = 10
-"""Of the control path under SCHED_RR, from 1 to 99: below what the kernel and its drivers use (50)."""
+"""Of the event loop under SCHED_RR, from 1 to 99: below what the kernel and its drivers use (50)."""
 T = TypeVar("T")
 P = ParamSpec("P")
 
@@ -38,8 +39,19 @@ def guard(job: Callable[..., T], *arguments: Any) -> tuple[T | None, BaseExcepti
         return None, error
 
 
-def take_real_time_priority() -> None:
+def rate_priority(rate_hz: float) -> int:
+    """The priority of a required component: the higher its rate, the sooner it goes, below the loop.
+
+    It is rate-monotonic scheduling (Liu and Layland, 1973), with a step for each doubling of the rate.
+    """
+    return 1 + min(REAL_TIME_PRIORITY - 2, floor(log2(max(1.0, rate_hz))))
+
+
+def take_real_time_priority(priority: int = REAL_TIME_PRIORITY) -> None:
     """Puts the calling thread before all that are not real-time; threads and processes that it makes later are not.
+
+    Args:
+        priority: under SCHED_RR, up to that of the loop.
 
     Raises:
         Refused: the process may not.
@@ -47,7 +59,7 @@ def take_real_time_priority() -> None:
     if sys.platform != "linux":
         raise Refused("real-time priority is known on Linux only")
     try:
-        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(REAL_TIME_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except PermissionError as error:
         raise Refused(
             f"this process may have no real-time priority: it needs LimitRTPRIO={REAL_TIME_PRIORITY} as a service, or `ulimit -r {REAL_TIME_PRIORITY}`"
@@ -142,7 +154,7 @@ class ThreadWorker:
         name: str,
         make_room: Callable[[], bool] = lambda: False,
         *,
-        is_real_time: bool = False,
+        priority: int = 0,
     ) -> None:
         """Begins without a thread.
 
@@ -150,10 +162,10 @@ class ThreadWorker:
             loop: where results are reported.
             name: of the thread.
             make_room: called when there is no memory for a thread; whether there may be now.
-            is_real_time: whether the thread takes real-time priority, which the process may.
+            priority: real-time priority of the thread, which the process may give; 0 for none.
         """
         self._loop = loop
-        self._name, self._make_room, self._is_real_time = name, make_room, is_real_time
+        self._name, self._make_room, self._priority = name, make_room, priority
         self._lane: _Lane | None = None
 
     def run(self, job: Callable[[], T], done: Callable[[T], None], cost_s: float = 0.0) -> None:
@@ -181,8 +193,8 @@ class ThreadWorker:
             self._lane = None
 
     def _serve(self, lane: _Lane) -> None:
-        if self._is_real_time:
-            take_real_time_priority()
+        if self._priority:
+            take_real_time_priority(self._priority)
         while (work := lane.jobs.get()) is not None and not lane.is_abandoned:
             job, done = work
             result = job()

@@ -47,8 +47,11 @@ from gloc3_onboard.video.streams import StreamedCamera, VideoAddress, VideoSourc
 if TYPE_CHECKING:
     from gloc3.network.file import Membership
 
-REAL_TIME_SWITCH_S: Final = 0.0002
-"""For so long, in seconds, another thread may keep the interpreter; Python's own choice is 5 ms."""
+REAL_TIME_SWITCH_S: Final = 0.001
+"""For so long, in seconds, another thread may keep the interpreter; Python's own choice is 5 ms.
+
+Each thread that waits wakes up this often, so that with less they delay the one that is at work.
+"""
 DEVICES: Final = (*HOST_DEVICES, *sensor_kinds(), *(f"*_{sensor}" for sensor in sensor_kinds()))
 """What this host has; installed packages bring more."""
 

@@ -12,7 +12,7 @@ import pytest
 from tests.commands.programs import Program
 from tests.onboard.fake_manager import FakeManager, service
 
-from gloc3.component.workers import take_real_time_priority
+from gloc3.component.workers import REAL_TIME_PRIORITY, rate_priority, take_real_time_priority
 from gloc3.errors import Refused
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import LocalExchange
@@ -217,9 +217,20 @@ def may_be_real_time() -> bool:
     return True
 
 
+def threads(process: int) -> list[int]:
+    """The threads of a process."""
+    return [int(thread.name) for thread in Path(f"/proc/{process}/task").iterdir()]
+
+
 def policies(process: int) -> list[int]:
     """The scheduling policies of a process's threads."""
-    return [os.sched_getscheduler(int(thread.name)) for thread in Path(f"/proc/{process}/task").iterdir()]
+    return [os.sched_getscheduler(thread) for thread in threads(process)]
+
+
+def test_required_components_of_a_higher_rate_go_first_and_all_go_after_the_loop() -> None:
+    given = [rate_priority(rate_hz) for rate_hz in (0.1, 1.0, 2.0, 10.0, 20.0, 50.0, 100.0, 1000.0, 1e5)]
+    assert given == [1, 1, 2, 4, 5, 6, 7, 9, 9]
+    assert given[-1] < REAL_TIME_PRIORITY
 
 
 @pytest.mark.skipif(not may_be_real_time(), reason="this user may have no real-time priority")
@@ -236,8 +247,10 @@ def test_the_loop_and_the_required_components_alone_have_real_time_priority_wher
             assert time.monotonic() < end_s, program.text
             time.sleep(0.05)
         assert found.count(REAL_TIME) == 3, "the loop, stuck and command_server"
+        priorities = sorted(os.sched_getparam(thread).sched_priority for thread in threads(program.process.pid))
+        assert priorities[-3:] == [4, 4, 10], "both components at 10 Hz, below the loop"
         assert found.count(os.SCHED_OTHER) == len(found) - 3 > 0
-        while float((bench / "switch_s").read_text() or 1.0) > 0.0003:
+        while float((bench / "switch_s").read_text() or 1.0) > 0.0015:
             assert time.monotonic() < end_s, "other threads keep the interpreter for longer"
             time.sleep(0.05)
     finally:

@@ -90,7 +90,7 @@ def _judge(progress: Progress, group: str) -> Sequence[Figure]:
 
 def _figures(course: Course, slices: Sequence[Soaked]) -> list[Figure]:
     hours = sum(one.hours for one in slices)
-    ends = sum((one.ends for one in slices), Counter[str]())
+    ends = sum((Counter(one.ends) for one in slices), Counter[str]())
     problems = [problem for one in slices for problem in one.problems]
 
     def steepest(name: str) -> float:

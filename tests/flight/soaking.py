@@ -85,7 +85,7 @@ class Soaked(msgspec.Struct, kw_only=True):
     """The result of a soak."""
 
     samples: list[Sample] = []
-    ends: Counter[str] = Counter()
+    ends: dict[str, int] = {}
     """How many missions ended in which state."""
     problems: list[str] = []
     """Of missions that were not done: the first reasons."""

@@ -1,7 +1,8 @@
 """The soak of the page of evidence, for some minutes: missions one after another leave nothing behind."""
 
+import msgspec
 import pytest
-from tests.flight.soaking import HOUR_S, Course, Sample, slope_per_h, soak
+from tests.flight.soaking import HOUR_S, Course, Sample, Soaked, slope_per_h, soak
 
 from gloc3_sitl.flight.flight import Flight
 
@@ -30,6 +31,7 @@ def test_missions_one_after_another_leave_nothing_behind_and_a_leak_would_be_see
     assert slope_per_h(soaked.samples, "objects", 0.085) > 10 * MOST_OBJECTS_H
     for name in ("handles", "threads"):
         assert abs(slope_per_h(soaked.samples, name, 0.0)) < 0.01
+    assert msgspec.convert(msgspec.to_builtins(soaked), Soaked) == soaked, "the page reads it from another process"
 
 
 def test_a_slope_is_fitted_after_the_warm_up_alone() -> None:

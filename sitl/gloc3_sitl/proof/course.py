@@ -10,7 +10,7 @@ from gloc3.messages.vehicle import DriverState
 from gloc3.mission.model.states import TABLE, ActionState
 from gloc3.platform.platform import Platform
 from gloc3_sitl.faults.faults import TimedFault
-from gloc3_sitl.proof.invariant import FlightFacts, FlownMission, Invariant, TrueMoment
+from gloc3_sitl.proof.invariant import DIVING, FlightFacts, FlownMission, Invariant, TrueMoment
 
 _MOVE: Final = re.compile(
     r"(mission|[\w-]+(?:\.[\w-]+)?) (waiting|running|paused|done|failed|skipped|aborted)(?:: .*)?"
@@ -19,8 +19,6 @@ _REPEATED: Final = re.compile(r"([\w-]+): \d+ of \d+")
 BY_OPERATOR: Final = "by an operator"
 """The reason of a mission that an operator has paused or ended."""
 EMERGENCY: Final = "emergency hold by "
-DIVING: Final = ("auv", "rov")
-"""Types of platforms that dive."""
 SURFACED_M: Final = 1.0
 SLOW_M_S: Final = 1.0
 

@@ -21,6 +21,8 @@ INVARIANTS: Final = "gloc3.invariants"
 """Entry points of invariants that packages bring: a name to `package.module:Class`."""
 ON_ROTORS: Final = ("quadrotor", "hexarotor", "vtol")
 """Types of vehicles that fall over without an inertial unit."""
+DIVING: Final = ("auv", "rov")
+"""Types of vehicles that know below the surface what their companion tells them."""
 GONE: Final = ("lost", "stuck", "old")
 """What an inertial unit may do that leaves nothing to fly by."""
 BLIND_S: Final = 0.3
@@ -75,6 +77,11 @@ class TrueMoment(NamedTuple):
         return float((north * north + east * east + down * down) ** 0.5)
 
 
+def is_cut_off(fault: TimedFault) -> bool:
+    """Whether a fault takes the companion from the autopilot for good."""
+    return fault.kind == "cable_loss" and fault.given.number >= 1.0 and fault.lasts_s == inf
+
+
 class FlightFacts(NamedTuple):
     """What an invariant may know of a flight before it begins."""
 
@@ -97,7 +104,13 @@ class FlightFacts(NamedTuple):
         return False
 
     def is_out_of_control(self, now_s: float) -> bool:
-        """Whether the only inertial unit of what flies on rotors is gone, or was of late: then nobody can steer it."""
+        """Whether nobody can steer it.
+
+        That is what flies on rotors while its only inertial unit is gone, or was of late; and what dives while it is
+        without its companion, since nothing else tells it where it is.
+        """
+        if self.platform.vehicle.type in DIVING:
+            return any(is_cut_off(fault) and now_s > (fault.begin_s or 0.0) + BLIND_S for fault in self.faults)
         if self.platform.vehicle.type not in ON_ROTORS:
             return False
         for fault in self.faults:

@@ -10,8 +10,9 @@ from gloc3_sitl.faults.faults import TimedFault
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.messages import SimFault, SimTruth
 from gloc3_sitl.physics.wind import CALM
-from gloc3_sitl.proof.course import DIVING, PersonInControl
+from gloc3_sitl.proof.course import PersonInControl
 from gloc3_sitl.proof.invariant import (
+    DIVING,
     BrokenInvariant,
     FlightFacts,
     FlownMission,

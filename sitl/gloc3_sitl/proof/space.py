@@ -30,7 +30,7 @@ class InsideFence(Invariant):
     sentence = (
         "Under way the vehicle stays inside the mission's fence and below its ceiling, but for the distance in which it "
         "stops; a pilot with the transmitter in hand may fly where he likes, and what flies on rotors without its only "
-        "inertial unit is not judged."
+        "inertial unit is not judged, nor what dives without its companion."
     )
 
     def __init__(self, facts: FlightFacts) -> None:

@@ -23,7 +23,7 @@ from gloc3_sitl.physics.wind import CALM, Wind, gusty
 from gloc3_sitl.proof.branches import taken_branches
 from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.course import is_at_rest
-from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
+from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant, is_cut_off
 from gloc3_sitl.proof.observer import Observer
 from gloc3_sitl.proof.standard_invariants import all_invariants
 
@@ -31,6 +31,11 @@ START_WITHIN_S: Final = 150.0
 PATIENCE: Final = 3.0
 WAY_BACK_S: Final = 120.0
 """Beside three times its estimate and its policy's hold, a flight has so long to end."""
+ALONE_S: Final = 600.0
+"""So much longer lasts the flight of an autopilot without a companion, since only a low battery ends its hold.
+
+In the first half the battery is emptied: by its own draw a rover's would last ten hours, and a boat's four days.
+"""
 SETTLED_S: Final = 4.0
 """A vehicle that stays disarmed for so long has ended its flight."""
 UNTOLD_S: Final = 30.0
@@ -157,8 +162,8 @@ class _Trial:
                 f"{flight.name}/ci/mission", lambda envelope: self._note(envelope.payload, flight)
             )
             given_s = PATIENCE * mission.duration_s + flight.mission.policies.hold_s + WAY_BACK_S
-            given_s += self._endurance_s(faults)
-            await self._to_the_end(flight, observer, given_s)
+            alone_s = ALONE_S if _is_alone(faults) else 0.0
+            await self._to_the_end(flight, observer, given_s, alone_s)
             recorder = flight.log.recorder
             loop = flight.loop
             failures = [repr(one) for one in loop.failures] if isinstance(loop, VirtualLoop) else []
@@ -166,7 +171,7 @@ class _Trial:
             if recorder is not None and recorder.lost and not lost:
                 lost = f"{recorder.lost} messages were not recorded"
             if not (self.is_stopping and observer.broken):
-                observer.end(given_s, failures, lost)
+                observer.end(given_s + alone_s, failures, lost)
             if recorder is not None:
                 recorder.write_requested_path(observer.path.points_ned_m)
             if self._out is not None:
@@ -184,14 +189,6 @@ class _Trial:
                 story=tuple(str(line) for line in observer.story),
             )
 
-    def _endurance_s(self, faults: Sequence[TimedFault]) -> float:
-        """So long an autopilot that is left alone may hold: until its battery is low; 0 where it is not."""
-        power = self._platform.power
-        is_alone = any(
-            fault.kind == "cable_loss" and fault.given.number >= 1.0 and fault.lasts_s == inf for fault in faults
-        )
-        return 3600.0 * power.battery_wh / (power.hover_w + power.avionics_w) if is_alone and power is not None else 0.0
-
     def _note(self, summary: MissionSummary, flight: Flight) -> None:
         now_s = round(flight.loop.time(), 2)
         if summary.state == "running" and not self._started_s:
@@ -201,8 +198,11 @@ class _Trial:
             if state == "running" and "." in target and target not in known:
                 self._phases.append((now_s, target))
 
-    async def _to_the_end(self, flight: Flight, observer: Observer, given_s: float) -> None:
-        """Starts the mission and waits until the vehicle is at rest, whatever becomes of the mission."""
+    async def _to_the_end(self, flight: Flight, observer: Observer, given_s: float, alone_s: float) -> None:
+        """Starts the mission and waits until the vehicle is at rest, whatever becomes of the mission.
+
+        After the time that it is given, the battery is emptied in the first half of `alone_s`.
+        """
         try:
             async with asyncio.timeout(START_WITHIN_S):
                 await flight.upload_and_start()
@@ -210,10 +210,14 @@ class _Trial:
             self._not_started = f"not started: {error}"
         except TimeoutError:
             self._not_started = f"not started: not ready within {START_WITHIN_S:g} s"
-        end_s = flight.loop.time() + given_s
+        alone_from_s = flight.loop.time() + given_s
+        end_s = alone_from_s + alone_s
         at_rest_s: float | None = None
         while flight.loop.time() < end_s:
             now_s = flight.loop.time()
+            if now_s >= alone_from_s:
+                battery = flight.simulator.sensors.battery
+                battery.remaining = max(0.0, battery.remaining - 2.0 * POLL_PERIOD_S / alone_s)
             if self.is_stopping and observer.broken:
                 await asyncio.sleep(AFTER_S)
                 return
@@ -236,6 +240,11 @@ class _Trial:
             elif not is_waiting:
                 at_rest_s = None
             await asyncio.sleep(POLL_PERIOD_S)
+
+
+def _is_alone(faults: Sequence[TimedFault]) -> bool:
+    """Whether the autopilot is without a companion in the end."""
+    return any(map(is_cut_off, faults))
 
 
 def _draw(out: Path, flight: Flight, observer: Observer) -> None:

@@ -160,6 +160,7 @@ def _submarine_row(kind: str, model: UnderwaterModel) -> VehicleRow:
         swims=True,
         imu_bias_share=_TACTICAL,
         is_diving=True,
+        parameters={"ardupilot": {"BATT_FS_LOW_ACT": 3.0, "BATT_FS_CRT_ACT": 2.0}},
         sensors=_diving_sensors,
     )
 
@@ -177,7 +178,6 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         _PELICAN,
         types=(),
         styles={"ardupilot": ARDUPILOT, "px4": PX4},
-        parameters={"ardupilot": {"BATT_FS_LOW_ACT": 0.0}, "px4": {"COM_LOW_BAT_ACT": 0.0}},
     ),
     "hummingbird": VehicleRow(
         types=(),
@@ -199,6 +199,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=JACKAL,
         vehicle_class=ROVER_CLASS,
         styles={"ardupilot": ROVER},
+        parameters={"ardupilot": {"BATT_FS_LOW_ACT": 2.0, "BATT_FS_CRT_ACT": 5.0}},
         sensors=lambda seed, _: [WheelEncoders(seed, JACKAL.ticks_per_m)],
     ),
     "boat": VehicleRow(
@@ -207,6 +208,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=OTTER,
         vehicle_class=BOAT_CLASS,
         styles={"ardupilot": BOAT},
+        parameters={"ardupilot": {"BATT_FS_LOW_ACT": 6.0, "BATT_FS_CRT_ACT": 5.0}},
         swims=True,
     ),
     "plane": VehicleRow(
@@ -215,6 +217,7 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         pack=AEROSONDE,
         vehicle_class=PLANE_CLASS,
         styles={"ardupilot": PLANE},
+        parameters={"ardupilot": {"BATT_FS_LOW_ACT": 2.0, "BATT_LOW_MAH": 2000.0, "BATT_CRT_MAH": 1000.0}},
         sensors=lambda seed, home: [Airspeed(seed, home)],
     ),
     "quadplane": VehicleRow(
@@ -225,8 +228,11 @@ VEHICLES: Final[Mapping[str, VehicleRow]] = {
         styles={"px4": PX4_VTOL, "ardupilot": QUADPLANE_STYLE},
         sensors=lambda seed, home: [Airspeed(seed, home)],
         parameters={
-            "px4": {"MIS_TKO_LAND_REQ": 0.0, "COM_QC_ACT": -1.0, "COM_LOW_BAT_ACT": 0.0, "RTL_TYPE": 0.0},
+            "px4": {"MIS_TKO_LAND_REQ": 0.0, "COM_QC_ACT": -1.0, "RTL_TYPE": 0.0},
             "ardupilot": {
+                "BATT_FS_LOW_ACT": 1.0,
+                "BATT_LOW_MAH": 2000.0,
+                "BATT_CRT_MAH": 1000.0,
                 "Q_MAV_TYPE": 22.0,
                 "Q_GUIDED_MODE": 1.0,
                 "Q_RTL_MODE": 1.0,

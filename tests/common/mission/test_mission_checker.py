@@ -292,6 +292,25 @@ def test_link_loss_policies_agree_with_the_autopilot_s_failsafe(
     assert found == [] if not expected else (len(found) == 1 and expected in found[0])
 
 
+@pytest.mark.parametrize(
+    ("failsafe", "policy", "expected"),
+    [
+        ("action: land, at: 0.1", "return", ""),
+        ("action: land, at: 0.25", "return", "on_low_battery is return, but at 25 % the autopilot's failsafe is land"),
+        ("action: land, at: 0.1", "hold", "on_low_battery is hold, but at 10 % the autopilot's failsafe is land"),
+        ("action: hold, at: 0.1", "return", ""),
+        ("action: hold, at: 0.25", "return", "the autopilot's hold at 25 % battery precedes return at the reserve of"),
+    ],
+)
+def test_what_returns_at_the_reserve_may_be_landed_by_the_autopilot_in_the_end(
+    platform_text: str, failsafe: str, policy: str, expected: str
+) -> None:
+    text = re.sub(r"low_battery: {.*?}", f"low_battery: {{{failsafe}}}", platform_text, count=1)
+    mission = MISSION.replace("on_failure: land", f"on_failure: land\non_low_battery: {policy}")
+    found = reported(check_text(mission, "m", Circumstances(platform=read_platform(text, "p"), home_ned_m=HOME)))
+    assert found == [] if not expected else (len(found) == 1 and expected in found[0])
+
+
 def test_what_a_capability_needs_must_be_there(platform_text: str) -> None:
     text = platform_text.replace(
         "performed_by: waypoints, claims: [motion], needs: [pose",

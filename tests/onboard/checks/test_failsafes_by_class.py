@@ -6,6 +6,7 @@ import pytest
 from gloc3.messages.preflight import Verdict
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.messages.vehicle import Style, VehicleClass
+from gloc3.platform.platform import Failsafes
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.autopilot import ardupilot, px4
 from gloc3_onboard.checks.failsafes import failsafe_checks
@@ -25,7 +26,7 @@ def lines(vehicle: VehicleClass, **changes: float) -> dict[str, tuple[Verdict, s
     values = {name: float(value) for name, value in {**QUIET, **changes}.items() if name in names}
     setup = AutopilotSetup(style=Style.ARDUPILOT, vehicle=vehicle, parameters=values, is_complete=True)
     platform = load_platform(PLATFORMS.get(vehicle, "copter"))
-    readings = Readings(platform=msgspec.structs.replace(platform), now_s=1.0, setup=setup)
+    readings = Readings(platform=msgspec.structs.replace(platform, failsafes=Failsafes()), now_s=1.0, setup=setup)
     return {check.name: (check.verdict, check.finding) for check in failsafe_checks(readings)}
 
 

@@ -42,7 +42,8 @@ def _low_battery(mission: Mission, platform: Platform) -> Iterator[Finding]:
         return
     wanted, theirs = _policy(mission, "on_low_battery"), Policy(failsafe.action)
     low = platform.power.reserve if platform.power is not None else 0.0
-    if SEVERITY[theirs] > SEVERITY[wanted]:
+    is_last = wanted is Policy.RETURN and failsafe.at < low  # what returns at the reserve may have to land in the end
+    if SEVERITY[theirs] > SEVERITY[wanted] and not is_last:
         yield _finding(
             mission,
             "on_low_battery",

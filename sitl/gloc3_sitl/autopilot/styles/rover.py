@@ -98,8 +98,8 @@ ROVER: Final = rover_style(
         "EK3_SRC2_VELXY": 6,
         "EK3_SRC2_YAW": 1,
         "BATT_CAPACITY": 10400,
-        "BATT_LOW_MAH": 2080.0,
-        "BATT_CRT_MAH": 1040.0,
+        "BATT_LOW_MAH": 1040.0,
+        "BATT_CRT_MAH": 520.0,
     },
     hold_mode=_HOLD,
 )
@@ -126,8 +126,8 @@ BOAT: Final = rover_style(
         "MOT_THST_ASYM": 1.8,
         "PSC_POS_P": 0.3,
         "BATT_CAPACITY": 141000,
-        "BATT_LOW_MAH": 28200.0,
-        "BATT_CRT_MAH": 14100.0,
+        "BATT_LOW_MAH": 14100.0,
+        "BATT_CRT_MAH": 7050.0,
     },
     hold_mode=_LOITER,
 )

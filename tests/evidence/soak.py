@@ -28,7 +28,7 @@ GROUPS: Final = {
     "copters": (
         Course(mission="hop", platform="pelican_rtk", autopilot="px4"),
         Course(mission="hop", platform="pelican_rtk", autopilot="ardupilot"),
-        Course(mission="survey", platform="copter", parameters={"COM_LOW_BAT_ACT": 0.0}),
+        Course(mission="survey", platform="copter"),
     ),
     "wings": (
         Course(mission="mapping", platform="plane"),

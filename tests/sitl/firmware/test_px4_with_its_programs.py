@@ -30,7 +30,7 @@ tasks:
 def test_a_mission_is_flown_on_the_bridge_by_the_programs_of_a_user(tmp_path: Path) -> None:
     (tmp_path / "mission.yaml").write_text(MISSION)
     vehicle = ["--firmware-binary", str(placeholder(tmp_path, "px4")), "--firmware-port", str(4560 + INSTANCE)]
-    vehicle += ["--world", "open", f"--home={PLACE}", "--param", "COM_LOW_BAT_ACT=0", "--out", "sitl"]
+    vehicle += ["--world", "open", f"--home={PLACE}", "--out", "sitl"]
     companion = ["--autopilot", f"udpin://127.0.0.1:{14540 + INSTANCE}", "--station", f"udpout://127.0.0.1:{STATION}"]
     ground = ["--headless", "--mission", "mission.yaml", "--link", f"udpin://127.0.0.1:{STATION}"]
     with (

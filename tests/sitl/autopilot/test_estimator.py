@@ -1,6 +1,6 @@
 """The estimator against a vehicle that moves as it is told: accuracy, outages, jumps, sources."""
 
-from math import cos, degrees, dist, pi, radians, sin
+from math import atan, cos, degrees, dist, pi, radians, sin
 from random import Random
 
 import pytest
@@ -143,6 +143,47 @@ class Rig:
     def attitude_error_deg(self) -> float:
         true = to_euler(self.truth(self.flight_s)[2])
         return max(abs(degrees(wrap_pi(a - b))) for a, b in zip(self.estimator.euler_rad, true, strict=True))
+
+
+class Wing(Rig):
+    """Circles as a fixed-wing aircraft does, banked, at 24 m/s."""
+
+    speed_m_s, turn_rad_s = 24.0, 0.31
+
+    def heading(self, flight_s: float) -> float:
+        return self.turn_rad_s * (flight_s - 2.0 if flight_s > 4.0 else flight_s * flight_s / 8.0)
+
+    def attitude(self, flight_s: float) -> Quaternion:
+        share = max(0.0, min(1.0, flight_s / 4.0))
+        bank = atan(self.speed_m_s * self.turn_rad_s / 9.80665) * share * share * (3.0 - 2.0 * share)
+        return from_euler(bank, 0.0, self.heading(max(0.0, flight_s)))
+
+    def truth(self, flight_s: float) -> tuple[Vector3, Vector3, Quaternion, Vector3, Vector3]:
+        angle, radius_m = self.heading(flight_s), self.speed_m_s / self.turn_rad_s
+        speed = self.speed_m_s * min(1.0, flight_s / 4.0)
+        forward = self.speed_m_s / 4.0 if 0.0 < flight_s < 4.0 else 0.0
+        inward = speed * speed / radius_m
+        attitude = self.attitude(flight_s)
+        force = rotate_back(
+            attitude,
+            (
+                forward * cos(angle) - inward * sin(angle),
+                forward * sin(angle) + inward * cos(angle),
+                -9.80665,
+            ),
+        )
+        position = (radius_m * sin(angle), radius_m * (1.0 - cos(angle)), 0.0)
+        return position, (speed * cos(angle), speed * sin(angle), 0.0), attitude, force, self.rate(flight_s)
+
+
+def test_ten_minutes_of_circling_leave_attitude_and_gyro_bias_as_they_were() -> None:
+    rig = Wing()
+    rig.run(3.0, flies=False)
+    for _ in range(10):
+        rig.run(60.0)
+        assert rig.attitude_error_deg < 0.7
+        assert rig.error_m < 0.08
+        assert rig.estimator.inertial.gyro_bias_rad_s == pytest.approx(rig.bias, abs=5e-4)
 
 
 def test_it_is_good_to_centimetres_and_half_a_degree_in_turning_flight() -> None:

@@ -6,6 +6,10 @@ from typing import Final, NamedTuple
 
 from gloc3.messages.frames import GRAVITY_M_S2, IDENTITY, Quaternion, Vector3
 
+_LEARNING_RATE_RAD_S: Final = 0.175
+"""Turn rate above which the gyro bias is kept: a correction answers an error of the tilt late, and in a steady turn the
+bias of the body lies elsewhere by then. Learnt all the same it grows, and within ten minutes of circling the attitude is
+lost."""
 _HISTORY_PERIODS: Final = 5
 """Every how many steps a past state is kept."""
 
@@ -152,7 +156,10 @@ class InertialSolution:
         self.correct_motion((pn - n, pe - e, pd - d), (un - vn, ue - ve, ud - vd))
 
     def turn(self, rotation_ned_rad: Vector3, bias_share: float = 0.0) -> None:
-        """Turns the attitude by a small rotation vector in NED; `bias_share` per turn goes to the gyro bias, in 1/s."""
+        """Turns the attitude by a small rotation vector in NED; `bias_share` per turn goes to the gyro bias, in 1/s.
+
+        While the vehicle turns the bias stays as it is.
+        """
         tx, ty, tz = rotation_ned_rad
         hx, hy, hz = 0.5 * tx, 0.5 * ty, 0.5 * tz
         w, x, y, z = self.ned_from_frd
@@ -165,7 +172,8 @@ class InertialSolution:
         scale = 1.0 / sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = w * scale, x * scale, y * scale, z * scale
         self.ned_from_frd = (w, x, y, z)
-        if bias_share:
+        p, q, r = self.rate_frd_rad_s
+        if bias_share and p * p + q * q + r * r < _LEARNING_RATE_RAD_S**2:
             # The same turn seen in the body, by the conjugate.
             ux = 2.0 * (z * ty - y * tz)
             uy = 2.0 * (x * tz - z * tx)

@@ -38,7 +38,7 @@ Stack = VehicleStack[Px4InStep]
 
 @pytest.fixture
 def stack() -> Iterator[Stack]:
-    made = Stack("copter", Px4InStep, {"COM_LOW_BAT_ACT": 0})
+    made = Stack("copter", Px4InStep, {})
     yield made
     made.close()
     made.peer.close()
@@ -75,7 +75,7 @@ def test_it_takes_off_flies_waypoints_and_lands_in_lock_step(stack: Stack) -> No
 
 
 def test_a_start_waits_for_the_first_reading_of_parameters_of_which_px4_does_not_know_one() -> None:
-    stack = Stack("copter", Px4InStep, {"COM_LOW_BAT_ACT": 0, "COM_OBL_RC_ACT": 0})
+    stack = Stack("copter", Px4InStep, {"COM_OBL_RC_ACT": 0})
     try:
         stack.peer.autopilot._front._parameters.server._values.pop("COM_DLL_EXCEPT")
         stack.until(lambda: "ci/vehicle" in stack.received, 5.0, "the vehicle is heard")

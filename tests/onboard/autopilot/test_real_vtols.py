@@ -41,7 +41,7 @@ tasks:
   back: {after: [field], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
 """
 PX4 = {
-    "MIS_TKO_LAND_REQ": 0, "NAV_DLL_ACT": 0, "COM_LOW_BAT_ACT": 0, "COM_QC_ACT": -1, "COM_RC_IN_MODE": 4,
+    "MIS_TKO_LAND_REQ": 0, "NAV_DLL_ACT": 0, "COM_LOW_BAT_ACT": 3, "COM_QC_ACT": -1, "COM_RC_IN_MODE": 4,
     "COM_OBL_RC_ACT": 5, "RTL_TYPE": 0,
 }  # fmt: skip
 ARDUPILOT = {
@@ -51,7 +51,7 @@ ARDUPILOT = {
     "RLL_RATE_P": 0.141, "RLL_RATE_I": 0.2125, "RLL_RATE_FF": 0.5527, "PTCH_RATE_P": 0.31, "PTCH_RATE_I": 0.2125,
     "PTCH_RATE_FF": 1.407, "KFF_RDDRMIX": 0.5, "Q_A_RAT_RLL_P": 0.108, "Q_A_RAT_RLL_I": 0.108, "Q_A_RAT_RLL_D": 0.001,
     "Q_A_RAT_PIT_P": 0.103, "Q_A_RAT_PIT_I": 0.103, "Q_A_RAT_PIT_D": 0.001, "Q_A_RAT_YAW_P": 0.2, "Q_A_RAT_YAW_I": 0.02,
-    "Q_A_ANG_RLL_P": 6, "Q_A_ANG_PIT_P": 6, "SCHED_LOOP_RATE": 300,
+    "Q_A_ANG_RLL_P": 6, "Q_A_ANG_PIT_P": 6, "SCHED_LOOP_RATE": 300, "BATT_FS_LOW_ACT": 1, "BATT_LOW_MAH": 330,
 }  # fmt: skip
 """The preset's, and the gains of the simulated QuadPlane."""
 

@@ -58,7 +58,9 @@ def changed(folder: Path, platform: str, changes: dict[str, str]) -> str:
 def test_a_plane_takes_off_flies_its_waypoints_waits_in_circles_comes_home_and_lands(
     kind: type[PlanePeer], tmp_path: Path
 ) -> None:
-    stack: VehicleStack[PlanePeer] = VehicleStack(changed(tmp_path, "copter", PLANE), kind, WELL)
+    stack: VehicleStack[PlanePeer] = VehicleStack(
+        changed(tmp_path, "copter", PLANE), kind, {**WELL, "BATT_FS_LOW_ACT": 1}
+    )
     peer = stack.peer
     try:
         stack.wait(8.0)

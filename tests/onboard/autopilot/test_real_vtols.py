@@ -41,7 +41,7 @@ tasks:
   back: {after: [field], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
 """
 PX4 = {
-    "MIS_TKO_LAND_REQ": 0, "NAV_DLL_ACT": 0, "COM_LOW_BAT_ACT": 3, "COM_QC_ACT": -1, "COM_RC_IN_MODE": 4,
+    "MIS_TKO_LAND_REQ": 0, "NAV_DLL_ACT": 0, "COM_LOW_BAT_ACT": 3, "BAT_CRIT_THR": 0.1, "COM_QC_ACT": -1, "COM_RC_IN_MODE": 4,
     "COM_OBL_RC_ACT": 5, "RTL_TYPE": 0,
 }  # fmt: skip
 ARDUPILOT = {

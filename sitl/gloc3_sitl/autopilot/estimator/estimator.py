@@ -84,7 +84,7 @@ class Estimator:
         if self._alignment.add(force_frd_m_s2, rate_frd_rad_s, floats=bool(self.sources & AidingSource.DEPTH)):
             inertial.ned_from_frd = self._alignment.attitude(self.declination_rad)
             inertial.gyro_bias_rad_s = self._alignment.gyro_bias_rad_s
-            self._horizontal_s = self._vertical_s = t_s
+            self._horizontal_s = self._vertical_s = inertial.aligned_s = t_s
             self.is_aligned = True
 
     def tick(self, now_s: float) -> None:

@@ -7,9 +7,12 @@ from typing import Final, NamedTuple
 from gloc3.messages.frames import GRAVITY_M_S2, IDENTITY, Quaternion, Vector3
 
 _LEARNING_RATE_RAD_S: Final = 0.175
-"""Turn rate above which the gyro bias is kept: a correction answers an error of the tilt late, and in a steady turn the
-bias of the body lies elsewhere by then. Learnt all the same it grows, and within ten minutes of circling the attitude is
-lost."""
+"""Rate of a steady turn above which the gyro bias is kept: a correction answers an error of the tilt late, and the bias
+of the body lies elsewhere by then. Learnt all the same it grows, and within ten minutes of circling the attitude is lost."""
+_SETTLING_S: Final = 120.0
+"""So long after the alignment the bias is learnt in turns, too: what floats may have been aligned as it rocked."""
+_STEADY_S: Final = 2.0
+"""Time constant of the low-pass filter that tells a steady turn from rocking in waves."""
 _HISTORY_PERIODS: Final = 5
 """Every how many steps a past state is kept."""
 
@@ -33,8 +36,10 @@ class InertialSolution:
         "_count",
         "_history",
         "_position_shift",
+        "_steady_rate",
         "_velocity_shift",
         "acceleration_ned_m_s2",
+        "aligned_s",
         "down_bias_m_s2",
         "gyro_bias_rad_s",
         "ned_from_frd",
@@ -46,6 +51,8 @@ class InertialSolution:
 
     def __init__(self) -> None:
         self.t_s = 0.0
+        self.aligned_s = 0.0
+        """When the attitude was found."""
         self.ned_from_frd: Quaternion = IDENTITY
         self.rate_frd_rad_s: Vector3 = (0.0, 0.0, 0.0)
         self.gyro_bias_rad_s: Vector3 = (0.0, 0.0, 0.0)
@@ -57,6 +64,7 @@ class InertialSolution:
         self.position_ned_m: Vector3 = (0.0, 0.0, 0.0)
         self._position_shift: Vector3 = (0.0, 0.0, 0.0)
         self._velocity_shift: Vector3 = (0.0, 0.0, 0.0)
+        self._steady_rate: Vector3 = (0.0, 0.0, 0.0)
         self._count = 0
         self._history: deque[PastState] = deque(maxlen=40)
 
@@ -109,6 +117,10 @@ class InertialSolution:
             self._remember()
 
     def _remember(self) -> None:
+        if self._history:
+            share = min(1.0, (self.t_s - self._history[-1].t_s) / _STEADY_S)
+            (p, q, r), (sp, sq, sr) = self.rate_frd_rad_s, self._steady_rate
+            self._steady_rate = (sp + share * (p - sp), sq + share * (q - sq), sr + share * (r - sr))
         n, e, d = self.position_ned_m
         vn, ve, vd = self.velocity_ned_m_s
         pn, pe, pd = self._position_shift
@@ -158,7 +170,7 @@ class InertialSolution:
     def turn(self, rotation_ned_rad: Vector3, bias_share: float = 0.0) -> None:
         """Turns the attitude by a small rotation vector in NED; `bias_share` per turn goes to the gyro bias, in 1/s.
 
-        While the vehicle turns the bias stays as it is.
+        In a steady turn the bias stays as it is, once the first minutes have found it.
         """
         tx, ty, tz = rotation_ned_rad
         hx, hy, hz = 0.5 * tx, 0.5 * ty, 0.5 * tz
@@ -172,8 +184,9 @@ class InertialSolution:
         scale = 1.0 / sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = w * scale, x * scale, y * scale, z * scale
         self.ned_from_frd = (w, x, y, z)
-        p, q, r = self.rate_frd_rad_s
-        if bias_share and p * p + q * q + r * r < _LEARNING_RATE_RAD_S**2:
+        p, q, r = self._steady_rate
+        is_settling = self.t_s - self.aligned_s < _SETTLING_S
+        if bias_share and (is_settling or p * p + q * q + r * r < _LEARNING_RATE_RAD_S**2):
             # The same turn seen in the body, by the conjugate.
             ux = 2.0 * (z * ty - y * tz)
             uy = 2.0 * (x * tz - z * tx)

@@ -28,7 +28,7 @@ tasks:
   recover: {after: [box], actions: {end: {land: {}}}}
 """
 WELL = {
-    "FS_GCS_TIMEOUT": 5, "FS_EKF_ACTION": 1, "BATT_FS_LOW_ACT": 0, "BATT_LOW_MAH": 0, "BATT_CAPACITY": 3300,
+    "FS_GCS_TIMEOUT": 5, "FS_EKF_ACTION": 1, "BATT_FS_LOW_ACT": 2, "BATT_LOW_MAH": 330, "BATT_CAPACITY": 3300,
     "ARMING_CHECK": 1, "FS_GCS_ENABLE": 0,
 }  # fmt: skip
 
@@ -53,7 +53,7 @@ def rover() -> Iterator[VehicleStack[VehiclePeer]]:
 
 @pytest.fixture
 def submarine() -> Iterator[VehicleStack[VehiclePeer]]:
-    stack = VehicleStack("submarine", SubPeer, {**WELL, "FS_EKF_ACTION": 0, "FS_PILOT_INPUT": 0})
+    stack = VehicleStack("submarine", SubPeer, {**WELL, "FS_EKF_ACTION": 0, "FS_PILOT_INPUT": 0, "BATT_FS_LOW_ACT": 3})
     yield stack
     stack.close()
 

@@ -50,8 +50,8 @@ class Mailbox:
         self.dropped = 0
 
     def put(self, port: str, envelope: Envelope[Any]) -> None:
-        """Queues a message by the port's policy; drops one whose time of validity is not finite."""
-        if not isfinite(envelope.t_s):
+        """Queues a message by the port's policy; drops one that is not sound, or whose time of validity is not finite."""
+        if not isfinite(envelope.t_s) or not envelope.payload.is_sound():
             self.dropped += 1
             return
         queue = self._queues[port]

@@ -14,6 +14,10 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     Fields are only ever appended, with defaults. Units and frames are in the names.
     """
 
+    def is_sound(self) -> bool:
+        """Whether it can be worked with; inputs drop it otherwise, whoever has sent it."""
+        return True
+
 
 M = TypeVar("M", bound=Message)
 

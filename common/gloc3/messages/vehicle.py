@@ -6,7 +6,7 @@ the envelope.
 """
 
 from enum import StrEnum
-from math import inf, pi
+from math import inf, isfinite, pi
 from typing import Final
 
 import msgspec
@@ -165,6 +165,19 @@ class Pose(Message, frozen=True):
     """Sources of the estimate."""
     origin_geo: tuple[float, float, float] | None = None
     """Origin of the NED frame: latitude and longitude in degrees, altitude above mean sea level in metres."""
+
+    def is_sound(self) -> bool:
+        """Whether it is finite, or not valid: NaN is neither near to nor far from anything, and so passes comparisons."""
+        numbers = (
+            *self.position_ned_m,
+            *self.velocity_ned_m_s,
+            *self.ned_from_frd,
+            *self.rate_frd_rad_s,
+            *self.position_std_m,
+            *(self.origin_geo or ()),
+            self.quality,
+        )
+        return not self.is_valid or all(map(isfinite, numbers))
 
 
 OBSTACLE_SECTORS: Final = 72

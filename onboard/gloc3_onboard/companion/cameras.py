@@ -189,7 +189,8 @@ class Cameras:
             camera.ended(envelope.payload)
 
     def _receive_pose(self, envelope: Envelope[Pose]) -> None:
-        self._places.pose = envelope.payload
+        if envelope.payload.is_sound():
+            self._places.pose = envelope.payload
 
     def _receive_home(self, envelope: Envelope[Home]) -> None:
         self._places.home_down_m = envelope.payload.position_ned_m[2]

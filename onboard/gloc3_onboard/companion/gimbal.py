@@ -263,7 +263,8 @@ class GimbalManager(Microservice[Never]):
             self._changed()
 
     def _receive_pose(self, envelope: Envelope[Pose]) -> None:
-        self._pose = envelope.payload
+        if envelope.payload.is_sound():
+            self._pose = envelope.payload
 
 
 def _streamed(message: MavlinkMessage) -> dict[str, Any]:

@@ -211,7 +211,8 @@ class VideoStreams:
         self._unsubscribe = source.exchange.subscribe(f"{source.platform}/pose", self._receive_pose)
 
     def _receive_pose(self, envelope: Envelope[Pose]) -> None:
-        self._latest = envelope
+        if envelope.payload.is_sound():
+            self._latest = envelope
 
     async def open(self, address: VideoAddress) -> None:
         """Listens.

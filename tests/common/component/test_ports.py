@@ -1,7 +1,9 @@
 """Ports and the bounded queues behind them."""
 
 from collections import deque
+from math import inf, nan
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +12,7 @@ from gloc3.component.cycle import Mailbox
 from gloc3.component.ports import Input, Keep, Output, Port, PortGroup, PortReport, inbox_of, ports_of
 from gloc3.errors import Misuse
 from gloc3.messages.envelope import Envelope, Message, Source
+from gloc3.messages.vehicle import Pose
 
 
 class Reading(Message, frozen=True):
@@ -100,6 +103,35 @@ def test_an_inbox_gives_what_is_new_and_the_last_of_each() -> None:
     assert latest.payload.value == 1.0
     assert second.is_fresh(Ports.newest, 1.5, 0.5)
     assert not second.is_fresh(Ports.newest, 1.6, 0.5)
+
+
+def test_a_pose_that_is_no_number_reaches_no_component_and_is_counted() -> None:
+    class Follower(Ports):
+        pose = Input(Pose)
+
+    def posed(pose: Pose) -> Envelope[Pose]:
+        return Envelope("p/pose", Source("p", "pose", 1), 0, 0.0, "", "Pose", pose)
+
+    good = Pose(position_ned_m=(1.0, 2.0, 3.0), velocity_ned_m_s=(0.0, 0.0, 0.0), ned_from_frd=(1.0, 0.0, 0.0, 0.0))
+    mailbox = Mailbox(list(ports_of(Follower)[0].values()))
+    wrong = (
+        {"position_ned_m": (1.0, nan, 3.0)},
+        {"velocity_ned_m_s": (0.0, 0.0, inf)},
+        {"ned_from_frd": (nan, 0.0, 0.0, 0.0)},
+        {"position_std_m": (nan, 0.0, 0.0)},
+        {"origin_geo": (nan, 8.0, 400.0)},
+        {"quality": nan},
+    )
+    for changes in wrong:
+        mailbox.put("pose", posed(msgspec.structs.replace(good, **changes)))
+    assert mailbox.dropped == len(wrong)
+    assert mailbox.drain().latest(Follower.pose) is None
+    lost = msgspec.structs.replace(good, position_ned_m=(nan, nan, nan), is_valid=False, reason="lost")
+    for pose in (good, lost):
+        mailbox.put("pose", posed(pose))
+        latest = mailbox.drain().latest(Follower.pose)
+        assert latest is not None
+        assert latest.payload is pose
 
 
 def test_an_inbox_that_was_taken_does_not_change() -> None:

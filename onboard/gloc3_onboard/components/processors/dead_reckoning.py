@@ -52,6 +52,8 @@ _KEEP_S: Final = 1.0
 """How often the memory gets the reckoning."""
 _STEP_S: Final = 5.0
 """Longest step of a prediction."""
+_REPEATED_M: Final = 0.1
+"""A fix that repeats the last place to the last digit, while the vehicle has moved so far, is not a new one."""
 _STUCK: Final = 10
 """So many fixes in a row that do not fit mean that the reckoning is wrong, not the satellites."""
 
@@ -171,6 +173,10 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._source = "dvl"
         self._trust = VelocityTrust()
         self._misfits = 0
+        self._place_geo: Vector3 | None = None
+        """The place of the last fix."""
+        self._moved_m = (0.0, 0.0)
+        """Way by measured velocity since the fixes have told that place, north and east."""
         self._unlocked = ""
         self._attitude = IDENTITY
         self._requested: Setpoint | None = None
@@ -275,7 +281,10 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             step_s = min(left_s, _STEP_S)
             self._filter.predict(step_s, is_measured=is_measured, commanded_m_s=requested_m_s)
             left_s -= step_s
-        self.travelled_m += hypot(*self._filter.velocity_m_s) * dt_s
+        vn, ve = self._filter.velocity_m_s
+        self.travelled_m += hypot(vn, ve) * dt_s
+        if is_measured:
+            self._moved_m = (self._moved_m[0] + vn * dt_s, self._moved_m[1] + ve * dt_s)
         self._now_s = t_s
 
     def _requested_m_s(self) -> tuple[float, float]:
@@ -336,9 +345,16 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             self._unlocked = "its velocity does not fit"
 
     def _fix(self, fix: SatelliteFix, t_s: float) -> None:
-        self._seen_s = t_s if fix.is_valid else float("-inf")
+        if not fix.is_valid:
+            self._seen_s = float("-inf")
+            return
+        if fix.place_geo != self._place_geo:
+            self._place_geo, self._moved_m = fix.place_geo, (0.0, 0.0)
+        elif hypot(*self._moved_m) > _REPEATED_M:
+            return
+        self._seen_s = t_s
         gap_s = _DOUBT_GAP_S if self._trust.is_doubted else _FIX_GAP_S
-        if not fix.is_valid or self._plane is None or t_s - self._fix_s < gap_s - 1e-6:
+        if self._plane is None or t_s - self._fix_s < gap_s - 1e-6:
             return
         self._fix_s = t_s
         north, east, _ = self._plane.ned_from_geo(*fix.place_geo)

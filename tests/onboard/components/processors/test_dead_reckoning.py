@@ -120,8 +120,9 @@ def test_a_velocity_that_does_not_fit_is_left_out() -> None:
 class Sea:
     """A bench with the processor, and what its samplers would say."""
 
-    def __init__(self, bench: Bench, **settings: object) -> None:
+    def __init__(self, bench: Bench, *, satellite_std_m: float = 1.0, **settings: object) -> None:
         self.bench = bench
+        self.satellite_std_m = satellite_std_m
         row = ComponentRow(
             name="pose",
             class_name="x:Y",
@@ -149,7 +150,7 @@ class Sea:
                 self.bench.send("dvl", velocity if lock else BottomVelocity(is_valid=False, reason="no bottom lock"))
             if step % 10 == 0 and at is not None:
                 latitude, longitude, _ = self._plane.geo_from_ned((at[0], at[1], 0.0))
-                fix = SatelliteFix(place_geo=(latitude, longitude, 0.0), std_m=1.0, satellites=9)
+                fix = SatelliteFix(place_geo=(latitude, longitude, 0.0), std_m=self.satellite_std_m, satellites=9)
                 self.bench.send("satellites", fix)
             self.bench.run(0.1)
         pose: Pose = self.bench.last("pose")
@@ -213,6 +214,17 @@ def test_a_fix_after_the_dive_sets_it_right_and_counts_as_a_jump() -> None:
         up = sea.run(15.0, at=(12.0, 8.0))
         assert up.position_ned_m[:2] == pytest.approx((12.0, 8.0), abs=0.6)
         assert up.reset_counter > adrift.reset_counter
+
+
+def test_a_receiver_that_is_stuck_does_not_hold_a_moving_vehicle_back() -> None:
+    with Bench() as bench:
+        sea = Sea(bench, satellite_std_m=0.05)
+        sea.run(8.0, at=(0.0, 0.0))
+        pose = sea.run(5.0, speed_m_s=0.1, at=(0.0, 0.0))
+        assert pose.position_ned_m[0] == pytest.approx(0.5, abs=0.04)
+        assert pose.sources == ["dvl", "heading", "depth"]
+        moved = sea.run(1.0, speed_m_s=0.1, at=(0.6, 0.0))
+        assert "satellites" in moved.sources
 
 
 def test_in_a_tank_it_begins_at_the_origin() -> None:

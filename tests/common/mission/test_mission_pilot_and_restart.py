@@ -110,6 +110,17 @@ def test_a_mission_whose_vehicle_a_pilot_has_landed_is_not_resumed(rig: Rig) -> 
     assert rig.under_way == {}
 
 
+def test_a_landing_that_was_paused_as_it_ended_goes_on_and_is_done(rig: Rig) -> None:
+    rig.done("sweep.wall")
+    rig.done("recover.home")
+    rig.steer("pause")
+    rig.fly(is_airborne=False)
+    rig.steer("resume")
+    assert rig.running() == ["recover.down"]
+    rig.done("recover.down")
+    assert rig.state() == "done"
+
+
 # an operator at the autopilot itself
 
 SENT = "station 255 sent return"

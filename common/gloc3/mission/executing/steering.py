@@ -7,6 +7,7 @@ from gloc3.mission.executing.board import BY_OPERATOR, Board
 from gloc3.mission.executing.failures import reopen, retry
 from gloc3.mission.executing.flow import busy, go_on_after_pause
 from gloc3.mission.executing.items import ActionRun, MissionItem, MissionProgram, TaskRun
+from gloc3.mission.model.arguments import LandOrder
 from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
 from gloc3.mission.model.states import ActionState, StateTrigger
 
@@ -135,7 +136,8 @@ def check_resumable(board: Board, item: MissionItem) -> None:
         holder = board.assignments.holder(run.row)
         if holder is not None:
             raise Refused(f"{run.target} needs {run.row.claims[0]}, claimed by {holder.label}; pause or abort it first")
-        if run.is_motion and not board.is_airborne and not run.action.order.begins_flight:
+        order = run.action.order  # a landing that was paused as it ended is done when it goes on
+        if run.is_motion and not board.is_airborne and not (order.begins_flight or isinstance(order, LandOrder)):
             raise Refused(f"the vehicle is on the ground, and {run.target} was paused in the air; abort it")
         if run.action.ability in board.missing:
             missing = board.missing.words(run.action.ability)

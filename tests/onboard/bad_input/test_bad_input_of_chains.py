@@ -23,6 +23,13 @@ def test_every_kind_of_bad_input_is_told_or_harmless_and_all_is_valid_again_by_i
     assert {name: wrong for name, wrong in found.items() if wrong} == {}
 
 
+def test_a_tracker_whose_clock_was_wrong_until_the_pose_was_lost_is_believed_again() -> None:
+    with Trial("tracker", with_sampler=False) as trial:
+        trial.good(GOOD_S)
+        outcomes = trial.bad("stamped in the future", 3.0)
+        assert faults("stamped in the future", outcomes, is_long=True) == []
+
+
 @pytest.mark.parametrize(
     ("name", "sensor"), [(name, sensor) for name, (_, sensors) in MISFITS.items() for sensor in sensors]
 )

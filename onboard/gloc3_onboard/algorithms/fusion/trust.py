@@ -57,6 +57,8 @@ class Trust:
         self._probation_s = probation_s
         self._misses, self._missed_by, self._strays = 0, 0.0, 0
         self._has_stepped_back = False
+        self._is_unusable = False
+        """It was turned down for messages that could not be used, such as by their time, and nothing else."""
         self._good_since_s: float | None = None
         self.is_stray = False
         """The last measurement has missed the gate, and is not where the ones before it lead to: no evidence yet."""
@@ -71,8 +73,8 @@ class Trust:
 
     @property
     def is_turned_down(self) -> bool:
-        """Whether it is not used for what it has told, not for silence."""
-        return not self.is_used and not self._has_stepped_back
+        """Whether it is not used for what it has told, not for silence or for messages that could not be used."""
+        return not self.is_used and not self._has_stepped_back and not self._is_unusable
 
     @property
     def is_out_of_step(self) -> bool:
@@ -148,7 +150,9 @@ class Trust:
         self._good_since_s = None
         self._misses += 1
         if self._misses >= _MISSES or not self.is_used:
+            is_blameless = not self.is_turned_down
             self.turn_down(reason)
+            self._is_unusable = is_blameless
 
     def step_back(self, reason: str) -> None:
         """Suspends a silent or invalid source until its first good measurement."""
@@ -159,7 +163,7 @@ class Trust:
     def turn_down(self, reason: str, *, is_voted_out: bool = False, is_alone: bool = False) -> None:
         """Stops using it; with `is_alone` until its innovations are sound again."""
         self.is_alone = self.is_alone or is_alone
-        self._has_stepped_back = False
+        self._has_stepped_back = self._is_unusable = False
         self.reason = reason
         self.is_voted_out = self.is_voted_out or is_voted_out
         self._good_since_s = None
@@ -168,7 +172,7 @@ class Trust:
         """Readmits it."""
         self.reason = ""
         self.is_voted_out = self.is_alone = False
-        self._has_stepped_back = self.is_coarse = False
+        self._has_stepped_back = self._is_unusable = self.is_coarse = False
         self._misses, self._missed_by, self._strays = 0, 0.0, 0
         self.innovation = 1.0
         self._good_since_s = None

@@ -1,7 +1,7 @@
 """Flies a case in virtual time to its real end, and judges it."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,7 @@ from gloc3.messages.summaries import MissionSummary
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
 from gloc3_sitl.faults.fault_text import parse
-from gloc3_sitl.faults.faults import Injection, TimedFault, read_fault
+from gloc3_sitl.faults.faults import Injection, read_fault
 from gloc3_sitl.flight.flight import DEVICES, Flight
 from gloc3_sitl.flight.mission_file import read_mission_file
 from gloc3_sitl.flight.plan import FlightPlan
@@ -162,7 +162,7 @@ class _Trial:
                 f"{flight.name}/ci/mission", lambda envelope: self._note(envelope.payload, flight)
             )
             given_s = PATIENCE * mission.duration_s + flight.mission.policies.hold_s + WAY_BACK_S
-            alone_s = ALONE_S if _is_alone(faults) else 0.0
+            alone_s = ALONE_S if any(map(is_cut_off, faults)) else 0.0
             await self._to_the_end(flight, observer, given_s, alone_s)
             recorder = flight.log.recorder
             loop = flight.loop
@@ -240,11 +240,6 @@ class _Trial:
             elif not is_waiting:
                 at_rest_s = None
             await asyncio.sleep(POLL_PERIOD_S)
-
-
-def _is_alone(faults: Sequence[TimedFault]) -> bool:
-    """Whether the autopilot is without a companion in the end."""
-    return any(map(is_cut_off, faults))
 
 
 def _draw(out: Path, flight: Flight, observer: Observer) -> None:

@@ -16,13 +16,14 @@ MOST: Final = 3
 SHORTEST_S: Final = 0.3
 LONGEST_S: Final = 90.0
 SEEDS: Final = 20
-ROUGH: Final = 0.4
-"""The share of fresh cases in wind, waves or a current, from which that goes to the cases that are varied."""
+ROUGH: Final = 0.7
+"""The share of cases that get weather of their own; others have that of the case of which they are a variation, or none."""
 BRIEFLY: Final = {"hang": (0.3, 0.5), "link_loss": (1.0, 4.0), "cable_loss": (0.1, 0.35)}
 """How long a trouble lasts that comes alone and that the stack gets over, in seconds."""
 ALONE: Final = ("disk_full", "clock_jump", "link_twice", "cable_twice")
 """Troubles that it gets over however long they last."""
-WIND_M_S: Final = (1.0, 6.0)
+WEATHER: Final = (("wind_m_s", (1.0, 6.0)), ("waves_m", (0.1, 0.4)), ("current_m_s", (0.05, 0.3)))
+"""Bounds of what reaches a vehicle that swims; the first reaches every vehicle."""
 
 
 class Course(NamedTuple):
@@ -82,8 +83,7 @@ class Draw:
             self._mutate(faults, other, random)
         if not faults:
             self._add(faults, random)
-        made = msgspec.structs.replace(case, faults=_texts(faults))
-        return self._with_weather(made, random) if random.random() < 0.1 else made
+        return self._with_weather(msgspec.structs.replace(case, faults=_texts(faults)), random)
 
     def _mutate(self, faults: list[FaultText], other: FlightCase, random: Random) -> None:
         at = random.randrange(len(faults)) if faults else 0
@@ -163,18 +163,14 @@ class Draw:
     def _case(self, faults: list[FaultText], random: Random) -> FlightCase:
         case = msgspec.structs.replace(self._base, faults=_texts(faults))
         case = msgspec.structs.replace(case, seed=self._base.seed + random.randrange(SEEDS))
-        return self._with_weather(case, random) if random.random() < ROUGH else case
+        return self._with_weather(case, random)
 
     def _with_weather(self, case: FlightCase, random: Random) -> FlightCase:
-        wind_m_s = round(random.uniform(*WIND_M_S), 1)
-        if not self._swims:
-            return msgspec.structs.replace(case, wind_m_s=wind_m_s)
-        return msgspec.structs.replace(
-            case,
-            wind_m_s=wind_m_s if random.random() < 0.5 else 0.0,
-            waves_m=round(random.uniform(0.1, 0.4), 2) if random.random() < 0.5 else 0.0,
-            current_m_s=round(random.uniform(0.05, 0.3), 2) if random.random() < 0.5 else 0.0,
-        )
+        if random.random() > ROUGH:
+            return case
+        weather = WEATHER if self._swims else WEATHER[:1]
+        drawn = random.sample(weather, random.randint(1, len(weather)))
+        return msgspec.structs.replace(case, **{name: round(random.uniform(*bounds), 2) for name, bounds in drawn})
 
 
 def _kind(possible: PossibleFault) -> str:

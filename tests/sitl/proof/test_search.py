@@ -128,6 +128,14 @@ def test_at_first_every_other_flight_has_one_short_trouble_each_once(first_fligh
     assert 0.25 < fault.end_s - fault.begin_s < 0.55
 
 
+def test_more_than_a_quarter_of_the_flights_are_in_rough_weather() -> None:
+    search = Search(HOP, pretend, (NeverPaused,))
+    search.begin()
+    for _ in range(7):
+        search.round()
+    assert 0.3 < sum(one.case.wind_m_s > 0.0 for one in search.flights) / len(search.flights) < 0.5
+
+
 def test_what_reaches_something_new_is_varied(first_flights: tuple[Search, Path]) -> None:
     search, _ = first_flights
     faults = [set(one.case.faults) for one in search.flights]

@@ -1,7 +1,7 @@
 """AD: sends the platform's pose to the autopilot, which flies by it without satellites."""
 
 from collections.abc import Sequence
-from math import isfinite, radians
+from math import radians
 from typing import Annotated, Any, Final, NamedTuple, Protocol
 
 import msgspec
@@ -200,11 +200,8 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         return [Actuation(ChooseSources(wanted))]
 
     def _why_not(self, pose: Pose, t_s: float) -> str:
-        numbers = (*pose.position_ned_m, *pose.velocity_ned_m_s, *pose.ned_from_frd, *pose.position_std_m)
         if not pose.is_valid:
             return pose.reason or "the pose is not valid"
-        if not all(map(isfinite, numbers)):
-            return "the pose is not finite"
         if pose.quality < self.settings.least_quality:
             return f"its quality is only {pose.quality:.2f}"
         return "" if t_s > self._sent_s else "its time does not advance"

@@ -207,7 +207,8 @@ BARS = tuple(
         f"campaign-{platform}",
         f"Faults at random moments of a flight break no invariant: {platform}",
         "`gloc3 prove` flies missions with one to three faults at a time, drawn from everything "
-        "that can go wrong, at any moment, in rough weather and calm, and judges each flight by its invariants "
+        "that can go wrong, at any moment, in rough weather (which moves all but the rover) and calm, and judges each "
+        "flight by its invariants "
         "([proof](../proof.md)). The missions are shortened templates of `gloc3 mission new`: depart, fly 6 m and "
         "land; a path of three waypoints; a survey of three lines; for fixed wings, fields of one or two lines. "
         "Platforms that fly by their cameras fly the first of these, or the example `inspection`. A flight that "

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from math import hypot, sqrt
 from typing import Final
 
+import numpy as np
+
 from gloc3.messages.frames import Vector3
 from gloc3_onboard.algorithms.fusion.error_state import Matrix
 from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
@@ -225,7 +227,8 @@ class SourceVoting:
 
         Meanwhile the possible error is only reported: given to the filter, all of it would be attributed to a source of
         positions, even if that is the wrong one. The filter gets it if both are still used at the end; if one is not,
-        it is cleared when all are used again.
+        it is cleared when all are used again. One so long that the pose was not valid leaves its error with the reference,
+        whoever agrees with whom afterwards.
         """
         estimate = self._estimate
         (x, y, z) = estimate.disputed_m
@@ -239,6 +242,8 @@ class SourceVoting:
                 estimate.disputed_m = (x + dx * share, y + dy * share, z + dz * share)
             self._contradicted_s, self._contradicted = now_s, conflict.against
         elif now_s - self._contradicted_s > self._settings.window_s:
+            if self._contradicted and self._contradicted_s - self.conflict_s > self._settings.dispute_s:
+                estimate.doubt_reference(np.zeros(3), estimate.disputed_m)
             if self._contradicted and all(self.trust[name].is_used for name in self._contradicted):
                 estimate.inflate_position(estimate.disputed_m)
                 estimate.disputed_m = (0.0, 0.0, 0.0)

@@ -66,10 +66,15 @@ def laser_imu(source: Path, /, *, laser: str = "laser", imu: str = "imu", option
             },
             doubts=doubts_of(fit, 1.0 - len(times_s) / len(scans)),
             drawing=svg(f"{SECTION} and inertial unit: {1e3 * fit.offset_s:.2f} ms", _panels(fit)),
-            hints=["the scanner hangs upside down: write is_flipped=true into its source"] if fit.is_flipped else [],
+            hints=[f"write {_options(fit)} into the scanner's source, such as hokuyo:///dev/ttyACM0?{_options(fit)}"],
         ),
         options,
     )
+
+
+def _options(fit: LaserImuFit) -> str:
+    """The options of the scanner's source that follow."""
+    return f"time_shift_s={fit.offset_s:.4f}" + ("&is_flipped=1" if fit.is_flipped else "")
 
 
 def match(scans: list[tuple[float, LaserScan]]) -> tuple[list[float], list[float]]:

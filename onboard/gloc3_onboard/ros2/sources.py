@@ -175,7 +175,7 @@ class RosLaser(RosSource[StampedScan]):
             scan = msgspec.structs.replace(
                 scan, angle_min_rad=last_rad, angle_step_rad=-message.angle_increment, ranges_m=ranges[::-1].tobytes()
             )
-        return _stamp_s(message) + duration_s, mounted_scan(scan, self._url)
+        return mounted_scan(_stamp_s(message) + duration_s, scan, self._url)
 
     def stamped(self, t_s: float, item: LaserScan) -> StampedScan:
         """The turn with its time."""

@@ -131,7 +131,7 @@ def rplidar_turn(data: bytes) -> None:
     found = np.frombuffer(scan.ranges_m, np.float32)
     assert np.isfinite(found).all()
     assert (found >= 0.0).all()
-    mounted_scan(scan, parse_source("laser", "rplidar:///dev/null?yaw_deg=30"))
+    mounted_scan(0.0, scan, parse_source("laser", "rplidar:///dev/null?yaw_deg=30"))
 
 
 @fuzz_target("gloc3_onboard.sensors")

@@ -125,6 +125,7 @@ def test_the_time_of_a_scanner_is_written(tmp_path: Path, capsys: pytest.Capture
     assert section["is_flipped"] is False
     assert section["calibration"]["date"]
     assert "mounted      upright" in said.out
+    assert f"hokuyo:///dev/ttyACM0?time_shift_s={section['timeshift_laser_imu']:.4f}" in said.err
     assert "residuals of the turn" in report.read_text()
 
 

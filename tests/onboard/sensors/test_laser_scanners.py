@@ -309,10 +309,11 @@ def test_points_of_a_turn_are_put_into_beams_of_a_degree_the_nearest_kept() -> N
     assert len(found.ranges_m) == 4 * 360
 
 
-def test_a_scanner_may_be_turned_or_hang_upside_down() -> None:
+def test_a_scanner_may_be_turned_or_hang_upside_down_and_its_times_be_shifted() -> None:
     seen = scan([1.0, 2.0, 3.0, 4.0, 5.0])  # from 90 degrees right to 90 degrees left
-    turned = mounted_scan(seen, parse_source("laser", "hokuyo:///dev/a?yaw_deg=45"))
+    t_s, turned = mounted_scan(2.0, seen, parse_source("laser", "hokuyo:///dev/a?yaw_deg=45&time_shift_s=-0.02"))
+    assert t_s == pytest.approx(1.98)
     assert turned.angle_min_rad == pytest.approx(-math.pi / 4)
-    flipped = mounted_scan(seen, parse_source("laser", "hokuyo:///dev/a?is_flipped=1"))
+    _, flipped = mounted_scan(2.0, seen, parse_source("laser", "hokuyo:///dev/a?is_flipped=1"))
     assert toward(flipped, 90.0) == 1.0
     assert toward(flipped, -90.0) == 5.0

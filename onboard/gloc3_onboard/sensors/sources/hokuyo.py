@@ -98,7 +98,7 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
                         lap_ms += STAMP_MS
                     before_ms = turn.stamp_ms
                     t_s = clock.t_s(float(lap_ms + turn.stamp_ms), self.now_s())
-                    yield StampedScan(t_s, mounted_scan(scan_of(self.name, turn.ranges_mm, parameters), self._url))
+                    yield mounted_scan(t_s, scan_of(self.name, turn.ranges_mm, parameters), self._url)
 
 
 def scan_of(name: str, ranges_mm: object, parameters: ScannerParameters) -> LaserScan:

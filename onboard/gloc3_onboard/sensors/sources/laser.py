@@ -14,12 +14,12 @@ from gloc3_onboard.sensors.registry import SensorKind
 from gloc3_onboard.sensors.replay import Recorded, Replay, topic_records
 from gloc3_onboard.sensors.source_url import YAW, Number, Options, SourceUrl
 
-MOUNT: Final[Options] = {**YAW, "is_flipped": Number(0, 1, True)}
-"""The options of a scanner's mounting."""
+MOUNT: Final[Options] = {**YAW, "is_flipped": Number(0, 1, True), "time_shift_s": Number(-1.0, 1.0)}
+"""The options of a scanner's mounting, and what is added to its times."""
 
 
-def mounted_scan(scan: LaserScan, url: SourceUrl) -> LaserScan:
-    """The scan with x forward, for a mount turned left by `yaw_deg` or upside down (`is_flipped=1`)."""
+def mounted_scan(t_s: float, scan: LaserScan, url: SourceUrl) -> StampedScan:
+    """The scan with x forward, for a mount turned left by `yaw_deg` or upside down (`is_flipped=1`), at its shifted time."""
     yaw_rad = math.radians(url.number("yaw_deg", 0.0))
     if url.number("is_flipped", 0.0):
         import numpy as np
@@ -27,7 +27,8 @@ def mounted_scan(scan: LaserScan, url: SourceUrl) -> LaserScan:
         ranges = np.frombuffer(scan.ranges_m, "<f4")
         last_rad = scan.angle_min_rad + (len(ranges) - 1) * scan.angle_step_rad
         scan = msgspec.structs.replace(scan, angle_min_rad=-last_rad, ranges_m=ranges[::-1].tobytes())
-    return msgspec.structs.replace(scan, angle_min_rad=scan.angle_min_rad + yaw_rad) if yaw_rad else scan
+    scan = msgspec.structs.replace(scan, angle_min_rad=scan.angle_min_rad + yaw_rad) if yaw_rad else scan
+    return StampedScan(t_s + url.number("time_shift_s", 0.0), scan)
 
 
 class ReplayLaser(Replay[LaserScan]):

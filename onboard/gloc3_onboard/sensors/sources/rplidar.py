@@ -80,7 +80,7 @@ class RpLidar(ThreadedSource[StampedScan]):
                     now_s = self.now_s()
                     if len(points) >= LEAST_POINTS:
                         scan = scan_of(self.name, points, now_s - begin_s, self._url.number("max_m", MAX_M))
-                        yield StampedScan(now_s, mounted_scan(scan, self._url))
+                        yield mounted_scan(now_s, scan, self._url)
                     points, begin_s = [], now_s
                 points.append((angle_deg, distance_mm))
         except failure as error:

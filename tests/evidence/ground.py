@@ -9,7 +9,9 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from tests.benchmarks.world import remap_ms
 from tests.evidence.ground_flight import RATE_HZ, Motion, Step, fly, motion, trajectory
+from tests.evidence.machine import Cost, at_most
 from tests.evidence.page import Bar, Figure, Progress
 
 from gloc3.camera.geometry import matrix
@@ -131,6 +133,7 @@ def _figures(run: Run) -> dict[str, Any]:
         "reasons": sorted(set(run.reasons)),
         "mean_ms": float(np.mean(run.costs_ms[3:])),
         "worst_ms": float(np.max(run.costs_ms[3:])),
+        "remap_ms": remap_ms(),
         "position": float(squares[:, 0].mean()),
         "turn": float(squares[:, 1].mean()),
         "beyond": float((squares[:, 0] > 7.81 / 3.0).mean()),
@@ -167,6 +170,7 @@ def run(progress: Progress) -> list[Figure]:
             text = f"worst {worst:.2f}, mean {np.mean(values):.2f}"
             figures.append(Figure(f"{title}: {what}, % of the path", text, f"≤ {bar}", worst <= bar))
     plain = [each["plain"] for each in flights]
+    least = min((Cost(each["mean_ms"], each["remap_ms"]) for each in plain), key=lambda cost: cost.remaps)
     figures += [
         Figure("pictures with a valid output", f"{min(each['valid'] for each in plain):.2%} at least"),
         _between("normalised squared error of position, mean of all seeds (1 is honest)", plain, "position", 0.2, 1.3),
@@ -179,10 +183,10 @@ def run(progress: Progress) -> list[Figure]:
         ),
         _between("the same with the height 1 % wrong", [each["biased"] for each in flights], "position", 0.2, 3.0),
         Figure(
-            "processor time a picture, mean of the flight that the machine disturbed least, ms",
-            f"{min(each['mean_ms'] for each in plain):.2f}",
-            f"≤ {COST_MS:g}",
-            min(each["mean_ms"] for each in plain) <= COST_MS,
+            "processor time a picture, mean of the flight that the machine disturbed least",
+            str(least),
+            at_most(COST_MS),
+            least.is_at_most(COST_MS),
         ),
         Figure("… mean of all flights, ms", f"{np.mean([each['mean_ms'] for each in plain]):.2f}"),
         Figure("… worst, ms", f"{max(each['worst_ms'] for each in plain):.1f}"),
@@ -219,7 +223,8 @@ BARS = (
         "ground-odometry",
         "The ground odometer alone drifts by at most 0.8 % of the path",
         "On a 60 m inspection flight in the hold the ground odometer drifts by at most 0.8 % of the path, and by at "
-        "most 1.3 % with a height that is 1 % wrong. Its covariance is honest, and a picture costs at most 3 ms.",
+        "most 1.3 % with a height that is 1 % wrong. Its covariance is honest, and a picture costs at most 3 ms "
+        "where one remap of a picture of 640×480 takes 0.68 ms.",
         run,
         seeds="0 to 9",
     ),

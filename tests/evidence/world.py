@@ -7,7 +7,8 @@ from math import dist
 
 import msgspec
 import numpy as np
-from tests.benchmarks.world import costs_ms, lap_truths, looks, remap_ms
+from tests.benchmarks.world import costs_ms, lap_truths, looks
+from tests.evidence.machine import Cost, at_most
 from tests.evidence.page import ROOT, Bar, Figure, Progress
 from tests.sitl.world.pictures import CLEAN, fore_wall_by_hand, largest_shift_px, shift_px
 from tests.sitl.world.test_lenses import FRONT, LENSES, hold_with_the_fore_wall_alone
@@ -143,21 +144,15 @@ def determinism() -> list[Figure]:
 
 def costs() -> list[Figure]:
     """Processor time of one thread, at 60 places of a lap."""
-    unit_ms = remap_ms()
-    found = [Figure("one remap of 640x480, to compare machines by", f"{unit_ms:.2f} ms")]
+    found: list[Figure] = []
     for name in ("hold", "hold_hard"):
         world = World.load(name)
         for what, poll in looks(world).items():
             mean_ms, worst_ms = costs_ms(poll, lap_truths(world))
-            is_barred = name == "hold" and "picture" in what
-            found.append(
-                Figure(
-                    f"{name}: {what}",
-                    f"{mean_ms:.2f} ms mean, {worst_ms:.2f} worst",
-                    f"≤ {RENDER_MS:g} ms mean" if is_barred else "",
-                    not is_barred or mean_ms <= RENDER_MS,
-                )
-            )
+            is_barred, cost = name == "hold" and "picture" in what, Cost(mean_ms)
+            bar = at_most(RENDER_MS) if is_barred else ""
+            is_met = not is_barred or cost.is_at_most(RENDER_MS)
+            found.append(Figure(f"{name}: {what}", f"{cost} mean, {worst_ms:.2f} ms worst", bar, is_met))
     return found
 
 
@@ -206,7 +201,7 @@ BARS = (
         "Simulated pictures, ranges and lights match geometry to a tenth of a pixel",
         "Pictures through every lens, disparities, laser ranges and the tracker's light are where geometry puts them. "
         "The same seed gives the same data in any process. A picture of 640×480 with distortion and noise takes at "
-        "most 5 ms of one core in the mean.",
+        "most 5 ms of one core in the mean, where one remap of such a picture takes 0.68 ms.",
         run,
         seeds="0 and 1",
     ),

@@ -62,6 +62,8 @@ class VehicleKind(NamedTuple):
     """With plain satellites, waypoints are passed no more exactly; 0 where its controller says so itself."""
     tolerance_m: float = 0.0
     """The same of the height at which a take-off is done."""
+    at_rest_over_s: float = 0.0
+    """So long the driver averages its velocity to see whether it stands."""
     more: Mapping[str, tuple[float, str]] = {}
     """Further limits, with their meaning."""
 
@@ -78,7 +80,7 @@ KINDS: Final = {
     ),
     VehicleClass.BOAT: VehicleKind(
         "wheeled", ("boat",), 10.0, 2.0, 1.0, 0.5, 0.5, (-0.5, 0.5), 3.0,
-        "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0, braking_share=0.6,
+        "hover_w: 20, per_m_s_w: 60, avionics_w: 12", 150.0, braking_share=0.6, at_rest_over_s=6.0,
     ),
     VehicleClass.SUB: VehicleKind(
         "underwater", ("auv", "rov"), 11.0, 1.0, 0.5, 0.3, 0.5, (-40.0, 0.5), 1.0,
@@ -335,6 +337,9 @@ def _changes(
         rows.append(f"{{name: waypoints, settings: {{{limit}{least}}}}}{note}")
         rows.append(f"{{name: hold, settings: {{braking_m_s2: {braking * acceleration_m_s2:g}}}}}")
         rows.append(f"{{name: teleoperate, settings: {{{limit}}}}}")
+    if kind.at_rest_over_s:
+        note = "   # waves move what stays where it is to and fro"
+        rows.append(f"{{name: autopilot_driver, settings: {{at_rest_over_s: {kind.at_rest_over_s:g}}}}}{note}")
     if rows:
         yield _noted("components:", "changes to the base's, and additional ones")
         yield from (f"  - {row}" for row in rows)

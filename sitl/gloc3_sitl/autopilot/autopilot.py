@@ -83,7 +83,7 @@ class Autopilot:
         self.vehicle: Final = vehicle
         self.tuning: Final = Tuning()
         self.parameters: Final = ParameterStore(style.parameters, self.tuning, style.derive)
-        self.estimator: Final = Estimator(declination_rad=declination_rad)
+        self.estimator: Final = Estimator(declination_rad=declination_rad, floats=vehicle.floats)
         self.pilot: Final[Pilot] = Pilot() if before is None else before.pilot
         self.plans: Final[StoredPlans] = StoredPlans() if before is None else before.plans
         self.craft: Final = Craft(self.estimator, self.tuning, self.pilot, self.plans, report)

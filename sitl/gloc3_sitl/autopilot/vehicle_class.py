@@ -22,6 +22,8 @@ class AutopilotClass:
     """Makes its control loops."""
     reports_landed: bool = True
     """Whether EXTENDED_SYS_STATE reports landed or in air; otherwise undefined."""
+    floats: bool = False
+    """Whether it rocks on the water at rest."""
     output_numbers: tuple[int, ...] = (1, 2, 3, 4)
     """Number of the autopilot's output for each of the control's, from 1."""
     neutral_us: int = 1000
@@ -34,7 +36,7 @@ ROVER: Final = AutopilotClass(
     mav_type=10, control=DriveControl, reports_landed=False, output_numbers=(1, 3), neutral_us=1500, span_us=500
 )
 """A rover with left and right drives: ThrottleLeft and ThrottleRight on Rover's outputs."""
-BOAT: Final = replace(ROVER, mav_type=11)
+BOAT: Final = replace(ROVER, mav_type=11, floats=True)
 """A boat with a left and a right propeller."""
 MULTIROTOR: Final = AutopilotClass(mav_type=2, control=MultirotorControl)
 """A quadrotor."""

@@ -125,6 +125,7 @@ def _submarine(model: UnderwaterModel) -> AutopilotClass:
     outputs = len(model.thrusters) + (2 if model.fins is not None else 0)
     return AutopilotClass(
         mav_type=12,
+        floats=True,
         control=lambda craft: UnderwaterControl(craft, model),
         reports_landed=False,
         output_numbers=tuple(range(1, outputs + 1)),

@@ -317,6 +317,18 @@ def test_headings_are_right_all_round() -> None:
         assert abs(wrap_pi(estimator.yaw_rad - heading)) < radians(0.5)
 
 
+@pytest.mark.parametrize(("floats", "bias_rad_s"), [(True, 0.0), (False, 0.06)])
+def test_what_rocks_gently_on_the_water_does_not_take_that_for_a_gyro_bias(*, floats: bool, bias_rad_s: float) -> None:
+    estimator = Estimator(declination_rad=DECLINATION, floats=floats)
+    steps = 0
+    while not estimator.is_aligned:
+        roll, rate = 0.05 * sin(1.5 * steps * 0.004), 0.075 * cos(1.5 * steps * 0.004)
+        attitude = from_euler(roll, 0.0, 0.0)
+        estimator.imu(rotate_back(attitude, (0.0, 0.0, -9.80665)), (rate, 0.0, 0.0), steps * 0.004, 0.004)
+        steps += 1
+    assert estimator.inertial.gyro_bias_rad_s[0] == pytest.approx(bias_rad_s, abs=0.015)
+
+
 def test_without_inertial_samples_there_is_no_position_of_the_present() -> None:
     rig = Rig()
     rig.run(3.0, flies=False)

@@ -33,6 +33,8 @@ class Estimator:
     """Attitude, velocity, position, height above ground, and how far each can be trusted."""
 
     declination_rad: float = 0.0
+    floats: bool = False
+    """The vehicle rocks on the water at rest."""
     sources: int = DEFAULT_SOURCES
     """Bits of `AidingSource`."""
     inertial: InertialSolution = field(default_factory=InertialSolution)
@@ -81,7 +83,7 @@ class Estimator:
             return
         inertial = self.inertial
         inertial.t_s = t_s
-        if self._alignment.add(force_frd_m_s2, rate_frd_rad_s, floats=bool(self.sources & AidingSource.DEPTH)):
+        if self._alignment.add(force_frd_m_s2, rate_frd_rad_s, floats=self.floats):
             inertial.ned_from_frd = self._alignment.attitude(self.declination_rad)
             inertial.gyro_bias_rad_s = self._alignment.gyro_bias_rad_s
             self._horizontal_s = self._vertical_s = inertial.aligned_s = t_s

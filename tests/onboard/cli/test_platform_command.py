@@ -265,6 +265,9 @@ def test_the_file_of_every_class_of_vehicle_can_be_used(
     assert ("record_images" in report.platform.capabilities) is bool(camera)
     if vehicle_class in (VehicleClass.ROVER, VehicleClass.BOAT):
         assert least_acceptance_m(report.platform) > NEAR_M
+    if vehicle_class is VehicleClass.BOAT:  # in waves it is never at rest otherwise
+        driver = next(row for row in report.platform.components if row.name == "autopilot_driver")
+        assert driver.settings["at_rest_over_s"] == 6
 
 
 def test_a_rover_that_stops_beside_a_place_has_come_to_it() -> None:

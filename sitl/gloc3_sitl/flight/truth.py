@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from math import isfinite
 from typing import Final
 
 from gloc3.exchange import Publisher
@@ -77,7 +78,7 @@ class FlightTruth:
 
     def _receive_pose(self, envelope: Envelope[Pose]) -> None:
         origin = envelope.payload.origin_geo
-        if self.frame is None and origin is not None:
+        if self.frame is None and origin is not None and all(map(isfinite, origin)):
             latitude_deg, longitude_deg, altitude_m = origin
             if self._surface_m is not None:
                 altitude_m = self._surface_m

@@ -69,7 +69,7 @@ class MotionOptions:
     calibration_px: float = 0.0
     """Standard deviation of the calibration's errors, in pixels: what all points share. With 0 it is held to be exact;
     else a constant in the disparities is estimated, and the covariance is wider."""
-    key_share: float = 0.5
+    key_share: float = 0.6
     """With less of the key frame's points in use, there is a new one."""
     key_depth: float = 0.3
     """The same after a motion of this share of the distance of the points."""

@@ -38,6 +38,13 @@ def test_a_flight_in_the_hold_is_told_to_half_a_percent_and_the_controls_are_not
     assert share(constant(path, 15), path) > 20.0
 
 
+def test_a_key_frame_lasts_only_while_enough_of_it_is_seen_for_a_few_centimetres() -> None:
+    turning = inspection(6).select(slice(1030, 1180, 2))
+    trial = Trial(turning, fly(turning, "hold", 6))
+    assert not trial.reasons
+    assert max(trial.wrong_m) < 0.04
+
+
 def test_lamps_dust_blur_and_jumps_of_the_exposure_are_stood(path: Trajectory) -> None:
     short = path.select(slice(0, 60))
     trial = Trial(short, fly(short, "hold_hard", 3))

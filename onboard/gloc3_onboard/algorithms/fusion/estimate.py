@@ -344,10 +344,10 @@ class PoseEstimate:
 
     @property
     def position_std_m(self) -> Vector3:
-        """Standard deviation along each axis."""
+        """Standard deviation of the reported position along each axis: with what is not blended in yet."""
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()
-        doubts = zip(self.disputed_m, self.separation_m, self.reference_m, strict=True)
-        north, east, down = (one * one + two * two + three * three for one, two, three in doubts)
+        doubts = zip(self.disputed_m, self.separation_m, self.reference_m, self._offset, strict=True)
+        north, east, down = (a * a + b * b + c * c + left * left for a, b, c, left in doubts)
         return (sqrt(n + north), sqrt(e + east), sqrt(d + down))
 
 

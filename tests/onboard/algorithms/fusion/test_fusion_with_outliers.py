@@ -59,6 +59,11 @@ def test_a_contradiction_that_has_lasted_leaves_its_doubt() -> None:
     assert trial(CASES["hummingbird: stereo and tracker 5 % too long"], 16).lying_s <= LONGEST_S
 
 
+def test_a_correction_that_is_not_blended_in_yet_is_told() -> None:
+    """Two that drift together move the pose within half a second, too soon for any other source to know."""
+    assert trial(CASES["hummingbird: stereo and tracker drift by 0.05 m/s"], 14).lying_s <= LONGEST_S
+
+
 def test_one_that_has_dragged_the_pose_leaves_its_doubt_when_its_gate_turns_it_down() -> None:
     """In these flights the tracker has moved the pose by 2 cm before it is turned down."""
     assert max(trial(CASES["tracker: ramp"], seed).lying_s for seed in (8, 22)) <= LONGEST_S

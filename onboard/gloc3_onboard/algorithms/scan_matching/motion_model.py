@@ -77,10 +77,7 @@ class MotionModel:
         if before is not None:
             most_m_s = settings.acceleration_m_s2 * duration_s
             most_rad_s = settings.turn_acceleration_rad_s2 * duration_s
-            x, y, turn = now.x_m - before.x_m, now.y_m - before.y_m, now.yaw_rad - before.yaw_rad
-            share = min(1.0, most_m_s / max(Planar(x, y).distance_m, 1e-9))
-            turn = max(-most_rad_s, min(turn, most_rad_s))
-            now = Planar(before.x_m + share * x, before.y_m + share * y, before.yaw_rad + turn)
+            now = _nearest(now, before, SearchWindow(most_m_s, most_rad_s))
         self.velocity = now
 
     def expected(self, duration_s: float, reported: Planar | None, turn_rad: float | None) -> Expected:
@@ -103,12 +100,12 @@ class MotionModel:
         else:
             distance_m += FIRST_M_S * duration_s
             heading_rad += FIRST_RAD_S * duration_s
-        if (
-            reported is not None and distance_m > REPORTED_M
-        ):  # over a short time nobody knows better than the last motion
+        if reported is not None and distance_m > REPORTED_M:
             motion, prior = reported, REPORTED_PRIOR
             distance_m = REPORTED_M + REPORTED_SHARE * motion.distance_m
             heading_rad = REPORTED_RAD + REPORTED_TURN_SHARE * abs(motion.yaw_rad)
+        elif reported is not None:  # over a short time nobody knows better than the last motion, and the accelerations
+            motion = _nearest(reported, motion, possible)
         if turn_rad is not None:
             motion = Planar(motion.x_m, motion.y_m, wrap_pi(turn_rad))
             heading_rad = REPORTED_RAD
@@ -126,3 +123,11 @@ class MotionModel:
             min(heading_rad, settings.turn_rate_rad_s * span_s) + SLACK_RAD,
         )
         return Expected(motion, window, limit, prior)
+
+
+def _nearest(motion: Planar, center: Planar, window: SearchWindow) -> Planar:
+    """A motion, or what is nearest to it within a window around another."""
+    x, y, turn = motion.x_m - center.x_m, motion.y_m - center.y_m, motion.yaw_rad - center.yaw_rad
+    share = min(1.0, window.distance_m / max(Planar(x, y).distance_m, 1e-9))
+    turn = max(-window.heading_rad, min(turn, window.heading_rad))
+    return Planar(center.x_m + share * x, center.y_m + share * y, center.yaw_rad + turn)

@@ -75,6 +75,17 @@ def test_along_a_corridor_nothing_is_known_and_across_it_much() -> None:
     assert abs(flown[-1][0].motion.y_m) < 0.01
 
 
+def test_along_a_corridor_the_wheels_tell_that_the_body_stops() -> None:
+    """At ten scans a second: the odometer alone goes on as before, for all that it can see."""
+    random, scanner, odometer, before = np.random.default_rng(1), Scanner(CORRIDOR), LaserOdometer(), Planar()
+    for number in range(60):
+        pose = Planar(0.08 * min(number, 20))
+        found = odometer.update(scanner.scan(pose, random), 0.1 * number, guess=before.inverse() @ pose)
+        before = pose
+    assert found.is_degenerate
+    assert found.pose.x_m == pytest.approx(1.6, abs=0.2)
+
+
 def test_a_corridor_with_an_end_in_sight_is_known_along_itself_too_but_less() -> None:
     end = [((9.0, -1.2), (9.0, -0.8)), ((8.0, 1.2), (8.0, 1.0))]
     flown = fly(Scanner([*CORRIDOR, *end], range_max_m=12.0), straight(steps=15))

@@ -47,16 +47,47 @@ class PublicLog(NamedTuple):
     published_m: tuple[float, float]
     """Error of graph mapping, mean and standard deviation."""
     bar_m: float
+    has_wheels: bool = False
+    needs_wheels: bool = False
+    """Its corridors tell scans nothing along themselves: the bar is for scans and wheels."""
 
 
 LOGS: Final = (
     PublicLog(
-        "Freiburg 079, full rate", "freiburg-079-corrected.log", "fr079.relations", 1211.445, 0.12, (0.056, 0.042), 0.06
+        "Freiburg 079, full rate",
+        "freiburg-079-corrected.log",
+        "fr079.relations",
+        1211.445,
+        0.12,
+        (0.056, 0.042),
+        0.06,
+        has_wheels=True,
+    ),
+    PublicLog(
+        "ACES, full rate",
+        "aces.clf",
+        "aces.relations",
+        0.0,
+        0.02,
+        (0.044, 0.044),
+        0.05,
+        has_wheels=True,
+        needs_wheels=True,
     ),
     PublicLog("CSAIL", "mit-cscail.log", "", 0.0, 0.0, (0.004, 0.009), 0.05),
     PublicLog("Intel", "intel-lab.log", "intel.relations", 0.0, 0.012, (0.031, 0.026), 0.034),
 )
-ACES: Final = PublicLog("ACES, by the corrected poses", "aces/aces-corrected.log", "", 0.0, 0.0, (0.044, 0.044), 0.05)
+ACES: Final = PublicLog(
+    "ACES, by the corrected poses",
+    "aces/aces-corrected.log",
+    "",
+    0.0,
+    0.0,
+    (0.044, 0.044),
+    0.05,
+    has_wheels=True,
+    needs_wheels=True,
+)
 
 
 def relations_of(public: PublicLog, log: LaserLog) -> list[Relation]:
@@ -139,9 +170,9 @@ def run(public: PublicLog, folder: Path, *, wheels: bool) -> dict[str, Any]:
 
 
 def relation_figures(progress: Progress) -> list[Figure]:
-    """Each log that is at hand: the scans alone, and for ACES with the wheels, too."""
+    """Each log that is at hand: the scans alone, and with the wheels where it has them."""
     figures: list[Figure] = []
-    for public, wheels in (*((log, False) for log in LOGS), (ACES, True), (ACES, False)):
+    for public, wheels in ((log, wheels) for log in (*LOGS, ACES) for wheels in (True, False)[not log.has_wheels :]):
         folder = LASER_LOGS if public is ACES else RELATIONS
         source = "with the wheels" if wheels else "scans alone"
         progress.report(f"{public.name}, {source}")
@@ -151,7 +182,7 @@ def relation_figures(progress: Progress) -> list[Figure]:
             figures.append(Figure(f"{public.name}, {source}", "not at hand", f"≤ {public.bar_m:g} m", False))
             continue
         found: dict[str, Any] = progress.part(f"{public.name} {wheels}", partial(run, public, folder, wheels=wheels))
-        is_bound = wheels or public is not ACES
+        is_bound = wheels or not public.needs_wheels
         for part in ("odometer", "map"):
             error = found[part]
             text = (

@@ -1,5 +1,4 @@
-"""Every fault of every source of the pose in mid flight, every pair of them removed, and two or three different faults
-at once: what becomes of the mission.
+"""Every fault of every source of the pose in mid flight, and every pair of them removed: what becomes of the mission.
 
 The whole stack flies, pictures and all. Each row is what `gloc3 fly tests/evidence/ablation.yaml --platform PLATFORM
 --fault FAULT@12..` flies.
@@ -7,12 +6,11 @@ The whole stack flies, pictures and all. Each row is what `gloc3 fly tests/evide
 
 import asyncio
 import os
-import random
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import combinations, islice
+from itertools import combinations
 from math import dist, hypot
 from pathlib import Path
 from typing import Any, Final, NoReturn
@@ -63,8 +61,6 @@ FAULTS: Final = {
 }
 HEIGHT: Final = {"step 0.2 m": "biased/0.2", "garbage": "noisy/5"}
 """The words of the height sensor, where they are others."""
-DRAWN: Final = 40
-"""So many rows have two different faults at once, and so many three."""
 HARD_M_S: Final = 1.0
 """No touch-down is faster, downward."""
 ASIDE_M: Final = 1.0
@@ -73,12 +69,10 @@ LARGEST_M: Final = 0.3
 """No valid pose is farther off."""
 
 
-def faults_of(faults: Mapping[str, str]) -> tuple[str, ...]:
-    """The faults, by source, as `gloc3 fly` takes them."""
-    words = {
-        name: HEIGHT.get(fault, FAULTS[fault]) if name == "height" else FAULTS[fault] for name, fault in faults.items()
-    }
-    return tuple(f"{DEVICES[name]}={word}" for name, word in words.items())
+def faults_of(sources: Sequence[str], fault: str) -> tuple[str, ...]:
+    """The faults as `gloc3 fly` takes them."""
+    words = [HEIGHT.get(fault, FAULTS[fault]) if name == "height" else FAULTS[fault] for name in sources]
+    return tuple(f"{DEVICES[name]}={word}" for name, word in zip(sources, words, strict=True))
 
 
 class Row(msgspec.Struct, kw_only=True):
@@ -105,12 +99,12 @@ class Row(msgspec.Struct, kw_only=True):
     """From where the policy began, or the landing, to the touch-down."""
 
 
-def fly(platform: str, rows: Mapping[str, Mapping[str, str]], handle: Callable[[str, Row], None]) -> None:
+def fly(platform: str, rows: Sequence[tuple[str, Sequence[str], str]], handle: Callable[[str, Row], None]) -> None:
     """Flies to the fault once, and from there in a process of its own for each row: what was before is the same for all.
 
     Args:
         platform: which one.
-        rows: the faults of each by source, by its key.
+        rows: key, sources and fault of each.
         handle: told the outcome of a row by its key.
     """
     import cv2
@@ -120,13 +114,13 @@ def fly(platform: str, rows: Mapping[str, Mapping[str, str]], handle: Callable[[
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         flight = runner.run(_begin(platform, received))
         children: dict[int, tuple[str, int]] = {}
-        for key, faults in rows.items():
+        for key, sources, fault in rows:
             if len(children) == AT_ONCE:
                 _await_one(children, handle)
             reading, writing = os.pipe()
             child = os.fork()
             if child == 0:
-                _go_on(runner, flight, received, faults, writing)
+                _go_on(runner, flight, received, sources, fault, writing)
             os.close(writing)
             children[child] = (key, reading)
         while children:
@@ -150,20 +144,20 @@ def _receive(received: Heard, envelope: Envelope[Any]) -> None:
 
 
 def _go_on(
-    runner: asyncio.Runner, flight: Flight, received: Heard, faults: Mapping[str, str], writing: int
+    runner: asyncio.Runner, flight: Flight, received: Heard, sources: Sequence[str], fault: str, writing: int
 ) -> NoReturn:
     """In the child: flies to the end, and writes what became of it into a pipe."""
     try:
-        runner.run(_to_the_end(flight, received, faults))
-        os.write(writing, msgspec.json.encode(judge(received, faults)))
+        runner.run(_to_the_end(flight, received, sources, fault))
+        os.write(writing, msgspec.json.encode(judge(received, sources)))
     finally:
         if sys.exception() is not None:
             traceback.print_exc()
         os._exit(0)
 
 
-async def _to_the_end(flight: Flight, received: Heard, faults: Mapping[str, str]) -> None:
-    schedule_faults(flight, faults_of(faults))
+async def _to_the_end(flight: Flight, received: Heard, sources: Sequence[str], fault: str) -> None:
+    schedule_faults(flight, faults_of(sources, fault))
     while not _is_over(received) and flight.loop.time() < GIVEN_UP_S:
         await asyncio.sleep(0.1)
 
@@ -180,7 +174,7 @@ def _await_one(children: dict[int, tuple[str, int]], handle: Callable[[str, Row]
     handle(key, msgspec.json.decode(reported, type=Row))
 
 
-def judge(received: Heard, faults: Mapping[str, str]) -> Row:
+def judge(received: Heard, sources: Sequence[str]) -> Row:
     """Looks at what was published."""
     poses, truths, states = received["pose"], received["sim/truth"], received["autopilot"]
     reported = [event for event in received["ci/event"] if any(word in event.payload.text for word in LANDING)]
@@ -194,7 +188,7 @@ def judge(received: Heard, faults: Mapping[str, str]) -> Row:
     aloft = [pose for pose in poses if begin_s <= pose.t_s <= end_s]
     since = [pose for pose in aloft if pose.t_s >= FAULT_S]
     before_landing = [pose for pose in since if pose.t_s < landing_s]  # near the floor some see nothing anyway
-    missing = (pose.t_s for pose in before_landing if any(name not in pose.payload.sources for name in faults))
+    missing = (pose.t_s for pose in before_landing if any(name not in pose.payload.sources for name in sources))
     found = next((t_s - FAULT_S for t_s in missing), None)
     return Row(
         state=received["ci/mission"][-1].payload.state,
@@ -226,28 +220,13 @@ def _worst_m(poses: Sequence[Envelope[Pose]], truths: Sequence[Envelope[SimTruth
 # --- the page ---
 
 
-def rows_of(platform: str) -> dict[str, dict[str, str]]:
-    """The faults of each row by source, by its key."""
+def rows_of(platform: str) -> list[tuple[str, tuple[str, ...], str]]:
+    """Key, sources and fault of each row."""
     sources = SOURCES[platform]
-    alike: list[tuple[tuple[str, ...], str]] = [((name,), fault) for name in sources for fault in FAULTS]
-    alike += [(pair, "removed") for pair in combinations(sources, 2)]
-    alike.append((tuple(name for name in sources if name not in ("height", "imu")), "removed"))
-    rows = {f"{platform}: {' and '.join(names)} {fault}": dict.fromkeys(names, fault) for names, fault in alike}
-    for count in (2, 3):
-        for faults in islice(_drawn(sources, count), DRAWN):
-            rows[f"{platform}: " + ", ".join(f"{name} {fault}" for name, fault in faults.items())] = faults
-    return rows
-
-
-def _drawn(sources: Sequence[str], count: int) -> Iterator[dict[str, str]]:
-    """So many sources with a fault each, not all with the same, never twice alike."""
-    chosen, seen = random.Random(count), set[tuple[tuple[str, str], ...]]()
-    while True:
-        faults = {name: chosen.choice(tuple(FAULTS)) for name in sorted(chosen.sample(sources, count))}
-        key = tuple(faults.items())
-        if key not in seen and len(set(faults.values())) > 1:
-            seen.add(key)
-            yield faults
+    rows: list[tuple[tuple[str, ...], str]] = [((name,), fault) for name in sources for fault in FAULTS]
+    rows += [(pair, "removed") for pair in combinations(sources, 2)]
+    rows.append((tuple(name for name in sources if name not in ("height", "imu")), "removed"))
+    return [(f"{platform}: {' and '.join(names)} {fault}", names, fault) for names, fault in rows]
 
 
 def problems(row: Row, *, is_one: bool) -> list[str]:
@@ -282,14 +261,14 @@ def run(progress: Progress) -> list[Figure]:
     figures = []
     for platform in SOURCES:
         rows = rows_of(platform)
-        left = {key: faults for key, faults in rows.items() if not progress.knows(key)}
+        left = [row for row in rows if not progress.knows(row[0])]
         if left:
             progress.report(f"{platform}: {len(left)} of {len(rows)} rows to fly")
             fly(platform, left, lambda key, row: progress.part(key, lambda: row))
-        for key, faults in rows.items():
+        for key, names, _ in rows:
             row = msgspec.convert(progress.part(key, _flown), Row)
-            wrong = problems(row, is_one=len(faults) == 1)
-            bar = "done" if len(faults) == 1 else "done, or a safe landing with its reason"
+            wrong = problems(row, is_one=len(names) == 1)
+            bar = "done" if len(names) == 1 else "done, or a safe landing with its reason"
             figures.append(Figure(key, reported(row) + "".join(f"; **{text}**" for text in wrong), bar, not wrong))
     return figures
 
@@ -303,8 +282,8 @@ BARS = (
         "ablation",
         "Any source of the pose may fail in flight: the mission is done, or ends in a safe landing",
         "The whole stack flies 11 m in the hold at 0.7 m/s, with rendered pictures. After 12 s, with 8 m to go, one "
-        "source of the pose fails for good, or two are removed, or all that hold the position, or two or three fail in "
-        f"different ways ({DRAWN} of each, drawn with the seeds 2 and 3). With one failure the mission is done. With more it is done, or its policy lands the vehicle at no more than {HARD_M_S:g} m/s and "
+        "source of the pose fails for good, or two are removed, or all that hold the position. With one failure the "
+        f"mission is done. With more it is done, or its policy lands the vehicle at no more than {HARD_M_S:g} m/s and "
         f"{ASIDE_M:g} m aside, with the reason. The largest error, at most {LARGEST_M:g} m, is that of a pose marked "
         "valid; the time is that to the first pose that does not use the source.",
         run,

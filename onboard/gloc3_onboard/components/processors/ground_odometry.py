@@ -53,6 +53,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
 
     image = Input(Image, Keep.ALL)
     autopilot_pose = Input(AutopilotPose, Keep.ALL)
+    autopilot_attitude = Input(AutopilotPose, Keep.ALL)
     height = Input(HeightAboveGround, Keep.ALL)
     odometry = Output(Odometry)
 
@@ -90,7 +91,7 @@ class GroundOdometryProcessor(DataProcessor[GroundOdometrySettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each picture, and one a second where none comes."""
-        self._attitudes.add(inbox.new(self.autopilot_pose))
+        self._attitudes.add(inbox.new(self.autopilot_pose), inbox.new(self.autopilot_attitude))
         self._heights.add(inbox.new(self.height))
         results: list[Result] = []
         for envelope in inbox.new(self.image):

@@ -62,6 +62,7 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
 
     laser = Input(LaserScan, Keep.ALL)
     autopilot_pose = Input(AutopilotPose, Keep.ALL)
+    autopilot_attitude = Input(AutopilotPose, Keep.ALL)
     height = Input(HeightAboveGround, Keep.ALL)
     odometry = Output(Odometry)
 
@@ -97,10 +98,12 @@ class LaserOdometryProcessor(DataProcessor[LaserOdometrySettings]):
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One report for each scan, and one a second where none comes."""
-        self._attitudes.add(inbox.new(self.autopilot_pose))
+        self._attitudes.add(inbox.new(self.autopilot_pose), inbox.new(self.autopilot_attitude))
         self._heights.add(inbox.new(self.height))
         if (pose := inbox.latest(self.autopilot_pose)) is not None:
-            self._down_m = pose.payload.position_ned_m[2]
+            attitude = inbox.latest(self.autopilot_attitude)
+            is_placed = attitude is None or attitude.t_s < pose.t_s
+            self._down_m = pose.payload.position_ned_m[2] if is_placed else math.nan
         results: list[Result] = []
         for envelope in inbox.new(self.laser):
             self._silence.end(now_s)

@@ -14,6 +14,7 @@ from gloc3.messages.frames import IDENTITY
 from gloc3.messages.perception import FusionState, ImuSample, Odometry, PositionFix
 from gloc3.messages.vehicle import AutopilotPose, AutopilotState, HeightAboveGround, LandedState, Pose
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
+from gloc3_onboard.sensors.checks.recent import in_time_order
 
 if TYPE_CHECKING:
     from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
@@ -62,6 +63,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
     height = Input(HeightAboveGround, Keep.ALL)
     autopilot = Input(AutopilotState)
     autopilot_pose = Input(AutopilotPose, Keep.ALL)
+    autopilot_attitude = Input(AutopilotPose, Keep.ALL)
     primary = Input(Pose)
     pose = Output(Pose, frame="ned")
     fusion = Output(FusionState)
@@ -126,7 +128,7 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         for sample in inbox.new(self.imu):
             if sample.payload.is_valid:
                 fusion.imu(sample.payload.rate_frd_rad_s, sample.payload.specific_force_frd_m_s2, sample.t_s)
-        for reported in inbox.new(self.autopilot_pose):
+        for reported in in_time_order(inbox.new(self.autopilot_pose), inbox.new(self.autopilot_attitude)):
             fusion.attitude(reported.payload, reported.t_s)
         for report in inbox.new(self.odometry):
             fusion.odometry(report.payload, report.t_s)

@@ -13,6 +13,7 @@ from gloc3.messages.frames import from_yaw, wrap_pi, yaw_of
 from gloc3.messages.perception import UNKNOWN_VARIANCE, Odometry, WheelDistances, no_motion
 from gloc3.messages.vehicle import AutopilotPose
 from gloc3_onboard.algorithms.odometry.wheel_odometer import Wheelbase, WheelOdometer, WheelStep
+from gloc3_onboard.sensors.checks.recent import in_time_order
 
 SOURCE: Final = "wheels"
 _MEASURED_S: Final = 0.2
@@ -53,6 +54,7 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
 
     wheels = Input(WheelDistances, Keep.ALL)
     autopilot_pose = Input(AutopilotPose, Keep.ALL)
+    autopilot_attitude = Input(AutopilotPose, Keep.ALL)
     odometry = Output(Odometry)
 
     def __init__(self) -> None:
@@ -85,7 +87,7 @@ class WheelOdometryProcessor(DataProcessor[WheelOdometrySettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Takes readings and attitudes in the order of time."""
         results: list[Result] = []
-        attitudes = deque(inbox.new(self.autopilot_pose))
+        attitudes = deque(in_time_order(inbox.new(self.autopilot_pose), inbox.new(self.autopilot_attitude)))
         for wheels in inbox.new(self.wheels):
             while attitudes and attitudes[0].t_s <= wheels.t_s:
                 self._attitude = attitudes.popleft()

@@ -13,19 +13,54 @@ from gloc3.messages.vehicle import AutopilotPose, HeightAboveGround
 _KEPT: Final = 64
 
 
+def in_time_order(
+    poses: Iterable[Envelope[AutopilotPose]], attitudes: Iterable[Envelope[AutopilotPose]]
+) -> list[Envelope[AutopilotPose]]:
+    """The autopilot's poses and, from when it has no position, its attitudes, by their times."""
+    return sorted((*poses, *attitudes), key=lambda envelope: envelope.t_s)
+
+
+_LEAP_M: Final = 0.3
+"""A height leaps that differs from the one before by more than this…"""
+_LEAP_M_S: Final = 3.0
+"""…and what a vehicle climbs meanwhile."""
+_LOOKED_AT: Final = 8
+_MOST_LEAPS: Final = 2
+"""Of so many heights no more leap where there are boxes and steps below."""
+
+
 class RecentHeights:
-    """Heights of the last seconds; between two of them it is a line, beyond the newest the newest."""
+    """Heights of the last seconds; between two of them it is a line, beyond the newest the newest.
+
+    A height that leaps counts once the next two confirm it. While most of them leap, none counts: the sensor is broken, and
+    whoever needs the height would be wrong in the same way as all others who do.
+    """
 
     def __init__(self, gap_s: float) -> None:
         self._gap_s = gap_s
         self._times: deque[float] = deque(maxlen=_KEPT)
         self._values: deque[float] = deque(maxlen=_KEPT)
+        self._last = (-math.inf, math.nan)
+        """The newest height of all, and its time."""
+        self._leaps: deque[bool] = deque(maxlen=_LOOKED_AT)
+        """Whether the last ones have leapt."""
 
     def put(self, t_s: float, height_m: float) -> None:
         """Adds a height; older ones than the newest are not taken."""
-        if math.isfinite(height_m) and (not self._times or t_s > self._times[-1]):
+        if not math.isfinite(height_m) or t_s <= self._last[0]:
+            return
+        if self._times:
+            self._leaps.append(self._is_leap(*self._last, t_s, height_m))
+        self._last = (t_s, height_m)
+        is_confirmed = not any(list(self._leaps)[-2:])
+        if not is_confirmed and self._times:
+            is_confirmed = not self._is_leap(self._times[-1], self._values[-1], t_s, height_m)
+        if is_confirmed and sum(self._leaps) <= _MOST_LEAPS:
             self._times.append(t_s)
             self._values.append(height_m)
+
+    def _is_leap(self, begin_s: float, before_m: float, t_s: float, height_m: float) -> bool:
+        return abs(height_m - before_m) > _LEAP_M + _LEAP_M_S * min(t_s - begin_s, self._gap_s)
 
     def add(self, heights: Iterable[Envelope[HeightAboveGround]]) -> None:
         """Adds those that are valid."""
@@ -59,9 +94,9 @@ class RecentAttitudes:
             self._times.append(t_s)
             self._values.append((ned_from_frd, rate_frd_rad_s))
 
-    def add(self, poses: Iterable[Envelope[AutopilotPose]]) -> None:
-        """Adds the attitudes of an autopilot's poses."""
-        for pose in poses:
+    def add(self, poses: Iterable[Envelope[AutopilotPose]], attitudes: Iterable[Envelope[AutopilotPose]] = ()) -> None:
+        """Adds the attitudes of an autopilot's poses, and those that it reports while it has no position."""
+        for pose in in_time_order(poses, attitudes):
             self.put(pose.t_s, pose.payload.ned_from_frd, pose.payload.rate_frd_rad_s)
 
     def at(self, t_s: float) -> Quaternion | None:

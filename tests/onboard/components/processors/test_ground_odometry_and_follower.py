@@ -51,7 +51,8 @@ def floor() -> Any:
     return np.clip(128.0 + 4.0 * (cv2.GaussianBlur(noise, (0, 0), 1.5) - 127.0), 0, 255).astype(np.uint8)
 
 
-def test_pictures_attitudes_and_heights_become_odometry() -> None:
+@pytest.mark.parametrize("topic", ["autopilot_pose", "autopilot_attitude"], ids=["with a position", "without one"])
+def test_pictures_attitudes_and_heights_become_odometry(topic: str) -> None:
     component = GroundOdometryProcessor(Calibrated())
     component.initialize(GroundOdometrySettings())
     component.start()
@@ -62,8 +63,8 @@ def test_pictures_attitudes_and_heights_become_odometry() -> None:
             t_s,
             inbox_of(
                 image=picture(texture[100 - 2 * number : 220 - 2 * number], t_s),
-                autopilot_pose=at(t_s, autopilot_pose()),
                 height=at(t_s, HeightAboveGround(height_m=2.0, is_valid=True)),
+                **{topic: at(t_s, autopilot_pose())},
             ),
         )
         found.append(message(results[0]))

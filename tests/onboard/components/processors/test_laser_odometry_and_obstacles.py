@@ -31,7 +31,8 @@ def odometry(component: LaserOdometryProcessor, t_s: float, **given: Any) -> Odo
     return found
 
 
-def test_scans_and_attitudes_become_odometry_in_the_plane() -> None:
+@pytest.mark.parametrize("topic", ["autopilot_pose", "autopilot_attitude"], ids=["with a position", "without one"])
+def test_scans_and_attitudes_become_odometry_in_the_plane(topic: str) -> None:
     component, random = LaserOdometryProcessor(), np.random.default_rng(1)
     component.initialize(LaserOdometrySettings())
     component.start()
@@ -43,8 +44,8 @@ def test_scans_and_attitudes_become_odometry_in_the_plane() -> None:
             component,
             t_s,
             laser=at(t_s, SCANNER.scan(where, random, tilt)),
-            autopilot_pose=at(t_s, autopilot_pose(ned_from_frd=attitude)),
             height=at(t_s, HeightAboveGround(height_m=1.5, is_valid=True)),
+            **{topic: at(t_s, autopilot_pose(ned_from_frd=attitude))},
         )
     assert found.is_valid
     assert found.is_level

@@ -13,6 +13,7 @@ from tests.onboard.stage import Stage
 from gloc3.component.deployment import Begin, ComponentRow
 from gloc3.component.lci import State
 from gloc3.component.test_bench import Bench
+from gloc3.messages.frames import from_euler
 from gloc3.messages.perception import FusionState, ImuSample, Odometry, PositionFix
 from gloc3.messages.vehicle import LandedState, Pose
 from gloc3_onboard.algorithms.paths.motion_limits import SetpointLimiter
@@ -151,6 +152,17 @@ def test_without_a_declared_start_the_autopilot_gives_the_heading() -> None:
     assert isinstance(reported, Pose)
     assert reported.is_valid
     assert reported.position_ned_m == pytest.approx((1.0, 2.0, 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize("topic", ["autopilot_pose", "autopilot_attitude"], ids=["with a position", "without one"])
+def test_an_autopilot_for_which_down_is_elsewhere_is_heard(topic: str) -> None:
+    stage = Stage(PoseFusionProcessor(), PoseFusionSettings(**START))  # type: ignore[arg-type]
+    for _ in range(30):
+        stage.step(0.04, imu=STILL, autopilot=standing())
+    leaning = autopilot_pose(ned_from_frd=from_euler(0.3, 0.0, 0.0))
+    reported = [stage.step(0.04, imu=STILL, **{topic: leaning})[0] for _ in range(6)][-1]
+    assert isinstance(reported, Pose)
+    assert "imu" not in reported.sources
 
 
 def test_bad_samples_and_silence_are_no_fault() -> None:

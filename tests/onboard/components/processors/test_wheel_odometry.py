@@ -114,6 +114,7 @@ class Drive:
         wheels_m_s: float | None = None,
         sees: bool = True,
         yaw_rad: float = 0.0,
+        topic: str = "autopilot_pose",
     ) -> Pose:
         """Ten of each a second, and two fixes; wheels that fail tell another speed."""
         for step in range(round(seconds * 10)):
@@ -126,7 +127,7 @@ class Drive:
                 rate_frd_rad_s=(0.0, 0.0, 0.0),
                 origin_geo=SITE,
             )
-            self.bench.send("autopilot_pose", estimate)
+            self.bench.send(topic, estimate)
             self.bench.send("setpoint", Setpoint(action_id="x", velocity_ned_m_s=(speed_m_s, 0.0, 0.0)))
             self.bench.send("wheels", WheelDistances(distances_m=(self.wheels_m, self.wheels_m)))
             if step % 5 == 0:
@@ -136,6 +137,14 @@ class Drive:
             self.bench.run(0.1)
         pose: Pose = self.bench.last("pose")
         return pose
+
+
+def test_slip_is_told_by_the_gyroscopes_also_while_the_autopilot_has_no_position() -> None:
+    with Bench() as bench:
+        drive = Drive(bench)
+        drive.run(1.0, 1.0)
+        drive.run(0.2, 1.0, yaw_rad=0.02, topic="autopilot_attitude")
+        assert min(step.quality for step in bench.all("odometry/wheels")) < 0.95
 
 
 def test_each_reading_is_a_step_from_the_one_before_and_a_bad_one_says_why_it_is_none() -> None:

@@ -44,3 +44,8 @@ def test_heights_that_leap_all_the_time_are_not_believed() -> None:
 def test_a_climb_is_followed() -> None:
     climb = (1.0 + 0.05 * 2.5 * np.arange(60)).tolist()
     assert heard(climb) == climb
+
+
+def test_high_up_the_slant_of_a_tilting_body_is_no_leap() -> None:
+    slant = (30.0 / np.cos(0.5 * np.sin(0.3 * np.arange(60)))).tolist()
+    assert heard(slant) == slant

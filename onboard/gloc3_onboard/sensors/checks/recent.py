@@ -22,6 +22,8 @@ def in_time_order(
 
 _LEAP_M: Final = 0.3
 """A height leaps that differs from the one before by more than this…"""
+_LEAP_SHARE: Final = 0.05
+"""…and this share of it, for a body that tilts…"""
 _LEAP_M_S: Final = 3.0
 """…and what a vehicle climbs meanwhile."""
 _LOOKED_AT: Final = 8
@@ -60,7 +62,8 @@ class RecentHeights:
             self._values.append(height_m)
 
     def _is_leap(self, begin_s: float, before_m: float, t_s: float, height_m: float) -> bool:
-        return abs(height_m - before_m) > _LEAP_M + _LEAP_M_S * min(t_s - begin_s, self._gap_s)
+        climbed_m = _LEAP_M_S * min(t_s - begin_s, self._gap_s)
+        return abs(height_m - before_m) > _LEAP_M + _LEAP_SHARE * abs(before_m) + climbed_m
 
     def add(self, heights: Iterable[Envelope[HeightAboveGround]]) -> None:
         """Adds those that are valid."""

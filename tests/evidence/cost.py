@@ -15,6 +15,8 @@ from typing import Any
 import msgspec
 import numpy as np
 from tests.benchmarks import fusion, ground, laser, stereo, world
+from tests.benchmarks.world import remap_ms
+from tests.evidence.machine import Cost, at_most
 from tests.evidence.page import Bar, Figure, Progress
 from tests.onboard.algorithms.vision.flights import fly, inspection
 
@@ -24,7 +26,8 @@ from gloc3_sitl.world import World
 GLOC3 = str(Path(sys.executable).with_name("gloc3"))
 REPEATS = 3
 """The least disturbed of so many counts."""
-FASTER, FASTER_WITH_PICTURES = 3.0, 2.0
+MOST_MS, MOST_WITH_PICTURES_MS = 333.0, 500.0
+"""Of processor time a simulated second."""
 PHOTOS = "record_images"
 
 
@@ -47,6 +50,7 @@ def least(costs_ms: Callable[[], list[float]]) -> dict[str, float]:
         "mean": min(float(np.mean(run)) for run in runs),
         "p99": min(float(np.percentile(run, 99)) for run in runs),
         "worst": min(max(run) for run in runs),
+        "remap": remap_ms(),
     }
 
 
@@ -68,7 +72,7 @@ def fused() -> dict[str, float]:
     """Milliseconds for a step of the inertial unit, with its share of all measurements and without."""
     with one_core():
         whole, alone = fusion.cost_ms()
-    return {"whole": whole, "alone": alone}
+    return {"whole": whole, "alone": alone, "remap": remap_ms()}
 
 
 def flight(out: Path, mission: str, hash_seed: int = 0) -> dict[str, float]:
@@ -83,6 +87,7 @@ def flight(out: Path, mission: str, hash_seed: int = 0) -> dict[str, float]:
         "wall_s": wall_s,
         "cpu_s": after.children_user + after.children_system - before.children_user - before.children_system,
         "pictures": report["images"],
+        "remap_ms": remap_ms(),
     }
 
 
@@ -99,7 +104,7 @@ def fastest(*, has_photos: bool) -> dict[str, float]:
     with one_core(), tempfile.TemporaryDirectory() as name:
         mission = "inspection" if has_photos else without_photos(Path(name))
         runs = [flight(Path(name) / str(number), mission) for number in range(REPEATS)]
-    return min(runs, key=lambda run: run["wall_s"])
+    return min(runs, key=lambda run: run["cpu_s"] / run["remap_ms"])
 
 
 def same() -> dict[str, Any]:
@@ -122,32 +127,30 @@ def parts(progress: Progress) -> list[Figure]:
     """The bars of each part."""
     figures = []
 
-    def cost(title: str, costs_ms: Callable[[], list[float]], key: str, bar_ms: float) -> None:
+    def add(title: str, costs_ms: Callable[[], list[float]], key: str, bar_ms: float) -> None:
         progress.report(title)
-        found = progress.part(title, partial(least, costs_ms))[key]
-        words = {"mean": "mean", "p99": "99th percentile", "worst": "worst"}[key]
-        figures.append(Figure(f"{title}: {words}, ms", f"{found:.2f}", f"≤ {bar_ms:g}", found <= bar_ms))
+        found = progress.part(title, partial(least, costs_ms))
+        words, cost = (
+            {"mean": "mean", "p99": "99th percentile", "worst": "worst"}[key],
+            Cost(found[key], found["remap"]),
+        )
+        figures.append(Figure(f"{title}: {words}", str(cost), at_most(bar_ms), cost.is_at_most(bar_ms)))
 
     for name in ("hold", "hold_hard"):
         title = f"features, matches and motion of a stereo pair, {name}"
-        cost(title, partial(pairs_ms, name), "mean", stereo.BAR_MS)
-        cost(title, partial(pairs_ms, name), "worst", 20.0)
-    cost("motion over the ground of a picture", ground.ground, "mean", ground.BAR_MS)
+        add(title, partial(pairs_ms, name), "mean", stereo.BAR_MS)
+        add(title, partial(pairs_ms, name), "worst", 20.0)
+    add("motion over the ground of a picture", ground.ground, "mean", ground.BAR_MS)
     title = "motion by the laser, 360 beams"
-    cost(title, laser.odometer_ms, "mean", laser.BAR_MS)
-    cost(title, laser.odometer_ms, "p99", 4.0)
+    add(title, laser.odometer_ms, "mean", laser.BAR_MS)
+    add(title, laser.odometer_ms, "p99", 4.0)
     progress.report("fusion")
     step = progress.part("fusion", fused)
-    figures.append(
-        Figure(
-            "pose fusion, a step of the inertial unit with its share of all measurements, ms",
-            f"{step['whole']:.3f}",
-            f"≤ {fusion.BAR_MS:g}",
-            step["whole"] <= fusion.BAR_MS,
-        )
-    )
+    whole, bar_ms = Cost(step["whole"], step["remap"]), fusion.BAR_MS
+    title = "pose fusion, a step of the inertial unit with its share of all measurements"
+    figures.append(Figure(title, str(whole), at_most(bar_ms), whole.is_at_most(bar_ms)))
     figures.append(Figure("… the step alone, ms", f"{step['alone']:.3f}"))
-    cost("a picture with distortion and noise, hold", partial(pictures_ms, "hold"), "mean", 5.0)
+    add("a picture with distortion and noise, hold", partial(pictures_ms, "hold"), "mean", 5.0)
     title = "the same blurred, by lamps and with dust, hold_hard"
     hard = progress.part(title, partial(least, partial(pictures_ms, "hold_hard")))
     figures.append(Figure(f"{title}: mean, ms", f"{hard['mean']:.2f}"))
@@ -157,13 +160,14 @@ def parts(progress: Progress) -> list[Figure]:
 def run(progress: Progress) -> list[Figure]:
     """The bar."""
     figures = parts(progress)
-    for has_photos, bar in ((False, FASTER), (True, FASTER_WITH_PICTURES)):
+    for has_photos, bar_ms in ((False, MOST_MS), (True, MOST_WITH_PICTURES_MS)):
         title = "flight with all sensors" + (", pictures recorded" if has_photos else "")
         progress.report(title)
         found = progress.part(title, partial(fastest, has_photos=has_photos))
-        factor = found["simulated_s"] / found["wall_s"]
+        cost = Cost(1e3 * found["cpu_s"] / found["simulated_s"], found["remap_ms"])
         figures += [
-            Figure(f"{title}: times faster than real time", f"{factor:.1f}", f"≥ {bar:g}", factor >= bar),
+            Figure(f"{title}: a simulated second", str(cost), at_most(bar_ms), cost.is_at_most(bar_ms)),
+            Figure("… times faster than real time", f"{found['simulated_s'] / found['wall_s']:.1f}"),
             Figure(
                 f"… simulated, on the wall (best of {REPEATS}) and in the processor, s",
                 f"{found['simulated_s']:.0f}, {found['wall_s']:.1f}, {found['cpu_s']:.1f}",
@@ -183,9 +187,9 @@ def run(progress: Progress) -> list[Figure]:
 BARS = (
     Bar(
         "inspection-cost",
-        "An inspection flight with all sensors runs three times faster than real time on one core",
+        "An inspection flight with all sensors takes no more than a third of a core",
         "Pictures have 640 x 480 pixels. Costs of the parts are processor time on one core, the least disturbed of "
-        "three runs. Those of the flights are measured from outside, start-up and report included, with `gloc3 fly "
+        "three runs, beside one remap of a picture at the same moment. Those of the flights are measured from outside, start-up and report included, with `gloc3 fly "
         "inspection --platform pelican`: four cameras, laser scanner, inertial unit, all odometers, two pose fusions, "
         "everything logged.",
         run,

@@ -128,7 +128,10 @@ class PoseFusionProcessor(DataProcessor[PoseFusionSettings]):
         for sample in inbox.new(self.imu):
             if sample.payload.is_valid:
                 fusion.imu(sample.payload.rate_frd_rad_s, sample.payload.specific_force_frd_m_s2, sample.t_s)
-        for reported in in_time_order(inbox.new(self.autopilot_pose), inbox.new(self.autopilot_attitude)):
+        # An autopilot that has had no position yet may still be aligning: where down is, it does not know better.
+        is_aligned = inbox.latest(self.autopilot_pose) is not None
+        attitudes = inbox.new(self.autopilot_attitude) if is_aligned else ()
+        for reported in in_time_order(inbox.new(self.autopilot_pose), attitudes):
             fusion.attitude(reported.payload, reported.t_s)
         for report in inbox.new(self.odometry):
             fusion.odometry(report.payload, report.t_s)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from tests.onboard.algorithms.fusion.flown import Sensor, inspection, sensors_of
 from tests.onboard.messages import LIMITS, autopilot_pose, flying, pose, setpoint, standing
 from tests.onboard.stage import Stage
@@ -154,15 +155,24 @@ def test_without_a_declared_start_the_autopilot_gives_the_heading() -> None:
     assert reported.position_ned_m == pytest.approx((1.0, 2.0, 0.0), abs=0.01)
 
 
-@pytest.mark.parametrize("topic", ["autopilot_pose", "autopilot_attitude"], ids=["with a position", "without one"])
-def test_an_autopilot_for_which_down_is_elsewhere_is_heard(topic: str) -> None:
-    stage = Stage(PoseFusionProcessor(), PoseFusionSettings(**START))  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("topic", "is_placed", "is_heard"),
+    [("autopilot_pose", True, True), ("autopilot_attitude", True, True), ("autopilot_attitude", False, False)],
+    ids=["with a position", "without one any more", "while it aligns"],
+)
+def test_an_autopilot_for_which_down_is_elsewhere_is_heard(topic: str, *, is_placed: bool, is_heard: bool) -> None:
+    stage, random = Stage(PoseFusionProcessor(), PoseFusionSettings(**START)), np.random.default_rng(1)  # type: ignore[arg-type]
+
+    def step(**messages: Any) -> None:
+        force = tuple((np.array((0.0, 0.0, -9.80665)) + 0.01 * random.normal(size=3)).tolist())
+        stage.step(0.04, imu=replace(STILL, specific_force_frd_m_s2=force), autopilot=standing(), **messages)
+
     for _ in range(30):
-        stage.step(0.04, imu=STILL, autopilot=standing())
-    leaning = autopilot_pose(ned_from_frd=from_euler(0.3, 0.0, 0.0))
-    reported = [stage.step(0.04, imu=STILL, **{topic: leaning})[0] for _ in range(6)][-1]
-    assert isinstance(reported, Pose)
-    assert "imu" not in reported.sources
+        step(**({"autopilot_pose": autopilot_pose()} if is_placed else {}))
+    for _ in range(20):
+        step(**{topic: autopilot_pose(ned_from_frd=from_euler(0.3, 0.0, 0.0))})
+    imu = next(source for source in stage.last(FusionState).sources if source.source == "imu")
+    assert imu.reason == ("the autopilot says that down is elsewhere" if is_heard else "")
 
 
 def test_bad_samples_and_silence_are_no_fault() -> None:

@@ -59,8 +59,8 @@ CHAPTERS: Final = {
         Quote("flight", "times faster than real time", "a flight by the autopilot's pose, times faster than real time"),
         Quote(
             "inspection-cost",
-            "flight with all sensors: times faster than real time",
-            "a flight with cameras, laser and pose fusion, times faster than real time",
+            "flight with all sensors: a simulated second",
+            "a second of a flight with cameras, laser and pose fusion, processor time",
         ),
         Quote("demo", "set-up and flight, seconds", "a fresh clone to the end of the demo, s"),
     ),
@@ -96,11 +96,11 @@ CHAPTERS: Final = {
     "Load": (
         Quote(
             "inspection-cost",
-            "features, matches and motion of a stereo pair, hold: mean, ms",
-            "stereo odometry, ms a pair",
+            "features, matches and motion of a stereo pair, hold: mean",
+            "stereo odometry, a pair",
         ),
-        Quote("inspection-cost", "motion over the ground of a picture: mean, ms", "ground odometry, ms a picture"),
-        Quote("inspection-cost", "motion by the laser, 360 beams: mean, ms", "laser odometry, ms a scan"),
+        Quote("inspection-cost", "motion over the ground of a picture: mean", "ground odometry, a picture"),
+        Quote("inspection-cost", "motion by the laser, 360 beams: mean", "laser odometry, a scan"),
         Quote("router", "2,000/s: processor of a frame, gloc3, in µs", "routing a MAVLink frame, µs of processor time"),
         Quote("router", "2,000/s: processor of a frame, MAVProxy, in µs", "the same by MAVProxy, µs"),
         Quote(

@@ -34,7 +34,7 @@ _MOST_LEAPS: Final = 2
 class RecentHeights:
     """Heights of the last seconds; between two of them it is a line, beyond the newest the newest.
 
-    A height that leaps counts once the next two confirm it. While most of them leap, none counts: the sensor is broken, and
+    A height that leaps counts once the next two confirm it. While more than a few leap, none counts: the sensor is broken, and
     whoever needs the height would be wrong in the same way as all others who do.
     """
 

@@ -56,7 +56,7 @@ def flight(world: str, seed: int) -> dict[str, Any]:
         "beyond": float((squares > BOUND_95).mean()),
         "wrong_m": max(trial.wrong_m),
         "mean_ms": float(np.mean(trial.costs_ms[WARMED_UP:])),
-        "slow_ms": float(np.percentile(trial.costs_ms[WARMED_UP:], 99.9)),
+        "worst_ms": max(trial.costs_ms[WARMED_UP:]),
         "remap_ms": remap_ms(),
         "zero": _control(path, zero(path)),
         "constant": _control(path, constant(path)),
@@ -87,7 +87,7 @@ def _figures(world: str, bar: float, runs: list[dict[str, Any]]) -> list[Figure]
 
     beyond = float(np.mean(column("beyond")))
     usual_ms = float(np.mean(column("remap_ms")))
-    mean, slow = Cost(float(np.mean(column("mean_ms"))), usual_ms), Cost(max(column("slow_ms")), usual_ms)
+    mean, worst = Cost(float(np.mean(column("mean_ms"))), usual_ms), Cost(max(column("worst_ms")), usual_ms)
     reasons = sorted(
         {reason.split(":")[-1].strip() for run in runs for reason in run["reasons"] if "points" not in reason}
     )
@@ -118,7 +118,7 @@ def _figures(world: str, bar: float, runs: list[dict[str, Any]]) -> list[Figure]
             max(column("wrong_m")) <= 0.1,
         ),
         Figure("… FDM and odometer, processor time a pair, mean", str(mean), at_most(6.0), mean.is_at_most(6.0)),
-        Figure("… 99.9 % of the pairs", str(slow), at_most(20.0), slow.is_at_most(20.0)),
+        Figure("… worst", str(worst), at_most(20.0), worst.is_at_most(20.0)),
         Figure(
             "… the better of the controls (no motion; constant velocity), ATE, %",
             f"{controls:.1f}",

@@ -11,15 +11,6 @@ from gloc3.messages.frames import Quaternion, Vector3, from_rotation_vector, mul
 from gloc3.messages.vehicle import AutopilotPose, HeightAboveGround
 
 _KEPT: Final = 64
-
-
-def in_time_order(
-    poses: Iterable[Envelope[AutopilotPose]], attitudes: Iterable[Envelope[AutopilotPose]]
-) -> list[Envelope[AutopilotPose]]:
-    """The autopilot's poses and, from when it has no position, its attitudes, by their times."""
-    return sorted((*poses, *attitudes), key=lambda envelope: envelope.t_s)
-
-
 _LEAP_M: Final = 0.3
 """A height leaps that differs from the one before by more than this…"""
 _LEAP_SHARE: Final = 0.05
@@ -114,3 +105,10 @@ class RecentAttitudes:
             return slerp(attitude, self._values[index][0], share)
         turned = from_rotation_vector((rate[0] * ahead_s, rate[1] * ahead_s, rate[2] * ahead_s))
         return normalize(multiply(attitude, turned))
+
+
+def in_time_order(
+    poses: Iterable[Envelope[AutopilotPose]], attitudes: Iterable[Envelope[AutopilotPose]]
+) -> list[Envelope[AutopilotPose]]:
+    """The autopilot's poses and, from when it has no position, its attitudes, by their times."""
+    return sorted((*poses, *attitudes), key=lambda envelope: envelope.t_s)

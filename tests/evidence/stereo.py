@@ -36,6 +36,8 @@ PEER = Path(os.environ.get("GLOC3_VISO2", ROOT / "runs" / "peers" / "viso2"))
 LEFT = msgspec.structs.replace(FRONT_LEFT, lens=Lens.PINHOLE, distortion=(), center_px=(319.5, 239.5))
 RIGHT = msgspec.structs.replace(LEFT, position_frd_m=FRONT_RIGHT.position_frd_m)
 WARMED_UP = 3
+TIMED = 3
+"""Each pair's cost is the least of so many: a machine's pauses are at other pairs each time, the odometer's work is not."""
 LEAST_SETS = 3
 """Of the public ones, where a peer is shown."""
 
@@ -43,7 +45,10 @@ LEAST_SETS = 3
 def flight(world: str, seed: int) -> dict[str, Any]:
     """One flight's figures."""
     path = inspection(seed)
-    trial = Trial(path, fly(path, world, seed))
+    pairs = list(fly(path, world, seed))
+    trials = [Trial(path, pairs) for _ in range(TIMED)]
+    costs_ms = np.min([trial.costs_ms for trial in trials], axis=0)[WARMED_UP:]
+    trial = trials[0]
     found = evaluate(trial.estimate, trial.truth)
     squares = np.array(trial.squares)
     return {
@@ -55,8 +60,8 @@ def flight(world: str, seed: int) -> dict[str, Any]:
         "square": float(squares.mean()) / 6.0,
         "beyond": float((squares > BOUND_95).mean()),
         "wrong_m": max(trial.wrong_m),
-        "mean_ms": float(np.mean(trial.costs_ms[WARMED_UP:])),
-        "worst_ms": max(trial.costs_ms[WARMED_UP:]),
+        "mean_ms": float(np.mean(costs_ms)),
+        "worst_ms": float(np.max(costs_ms)),
         "remap_ms": remap_ms(),
         "zero": _control(path, zero(path)),
         "constant": _control(path, constant(path)),
@@ -117,7 +122,12 @@ def _figures(world: str, bar: float, runs: list[dict[str, Any]]) -> list[Figure]
             "≤ 0.1",
             max(column("wrong_m")) <= 0.1,
         ),
-        Figure("… FDM and odometer, processor time a pair, mean", str(mean), at_most(6.0), mean.is_at_most(6.0)),
+        Figure(
+            f"… FDM and odometer, processor time a pair, the least of {TIMED}: mean",
+            str(mean),
+            at_most(6.0),
+            mean.is_at_most(6.0),
+        ),
         Figure("… worst", str(worst), at_most(20.0), worst.is_at_most(20.0)),
         Figure(
             "… the better of the controls (no motion; constant velocity), ATE, %",

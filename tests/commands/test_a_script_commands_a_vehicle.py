@@ -65,7 +65,7 @@ def test_a_selection_of_vehicles_is_commanded_at_the_same_time_with_a_line_for_e
         code, lines = ran(tmp_path, *both, "--platform", "all", "--do", "disarm")
         found = {line["platform"]: line["data"]["outcome"] for line in lines if line["kind"] == "order"}
         assert found == {"px4-1": "done", "ardupilot-1": "done"}
-        assert code == 0
+        assert (code, lines[-1]["text"]) == (0, "done")
 
 
 def test_a_vehicle_that_is_not_there_is_not_heard(tmp_path: Path) -> None:

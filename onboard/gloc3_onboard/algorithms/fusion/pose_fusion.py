@@ -18,10 +18,10 @@ from gloc3_onboard.algorithms.fusion.measurements import CHI2_999, Measured, cov
 from gloc3_onboard.algorithms.fusion.odometers import Odometers, read
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.source_reports import PlaceReport, Report, SourceReports
-from gloc3_onboard.algorithms.fusion.source_voting import SourceVoting
+from gloc3_onboard.algorithms.fusion.source_voting import HEIGHT, SourceVoting
 from gloc3_onboard.algorithms.fusion.trust import Trust
 
-IMU, HEIGHT, AUTOPILOT = "imu", "height", "autopilot"
+IMU, AUTOPILOT = "imu", "autopilot"
 _IMU_LOST_S: Final = 0.1
 _COAST_STEP_S: Final = 0.02
 _HEIGHT_PERIOD_S: Final = 0.09

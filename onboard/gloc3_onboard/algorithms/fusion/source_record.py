@@ -18,6 +18,7 @@ MEAN_S: Final = 0.3
 """Time over which reports are averaged at both ends of a window."""
 _ABOUT_S: Final = 0.13
 """Reports so far from a time are about it."""
+_BLIND_M2: Final = 0.5**2
 _NOTHING: Final = np.zeros((3, 3))
 
 
@@ -114,6 +115,11 @@ class Record:
         # Errors of positions are independent; those of one reference's reports are not.
         share = 1.0 / counts[0] + 1.0 / counts[1] if self.is_of_places else 2.0
         return sums[1] - sums[0], share * self.covariance + references
+
+    @property
+    def sees_vertical(self) -> bool:
+        """Whether it measures vertical motion, as its last report says."""
+        return float(self.covariance[2, 2]) < _BLIND_M2
 
     @property
     def covariance(self) -> Matrix:

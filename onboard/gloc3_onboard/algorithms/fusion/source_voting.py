@@ -14,6 +14,7 @@ from gloc3_onboard.algorithms.fusion.odometers import Odometers
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.trust import DISAGREES, SOUND, Trust
 
+HEIGHT: Final = "height"
 VOTE_S: Final = 0.25
 _STUCK_S: Final = 0.7
 """Time without an accepted measurement, while sources continue, after which the estimate counts as wrong, s."""
@@ -28,6 +29,8 @@ _OFF_M: Final = 0.1
 """Possible error of the estimate that a source of positions may correct."""
 _LOST_S: Final = 2.0
 """A pose that is lost is doubted so often."""
+_FALLEN_M: Final = 0.3
+"""Possible error of the height once nothing that measures it passes."""
 _ARGUED_S: Final = 3.0
 """Where sources contradict each other for longer, the vehicle had better hold."""
 
@@ -164,6 +167,7 @@ class SourceVoting:
             if trust.is_voted_out and self.isolation.agrees(name, [other for other in used if other != name], now_s):
                 trust.is_voted_out = False  # its gate and the probation are left
         self._check_single_source(now_s)
+        self._check_vertical(now_s)
         self._check_stuck(now_s)
         self._separate(now_s)
         self._confirm_reference(now_s)
@@ -302,6 +306,20 @@ class SourceVoting:
             self.distrust(found.names, now_s)
         elif now_s - self.held_s >= _STUCK_S:
             self.distrust(going_on, now_s)
+
+    def _check_vertical(self, now_s: float) -> None:
+        """When all that measure vertical motion do not pass any more, the estimate's is wrong, whoever holds the place."""
+        records, since_s = self.isolation.records, now_s - self._distrusted_s
+        judges = [name for name in (*records, HEIGHT) if name in self.trust and not self._is_silent(name)]
+        judges = [name for name in judges if name == HEIGHT or records[name].sees_vertical]
+        if since_s < _LOST_S or len(judges) < 2 or not all(self.trust[name].is_failing for name in judges):
+            return
+        if since_s < _AGAIN_S:
+            self._distrust_imu(now_s, f"it contradicts {' and '.join(judges)}")
+        self.distrust([name for name in judges if name in records], now_s)
+        self._estimate.inflate_position((0.0, 0.0, _FALLEN_M))
+        if HEIGHT in judges:
+            self.trust[HEIGHT].let_in()
 
     def distrust(self, names: Sequence[str], now_s: float) -> None:
         """Inflates the estimate's motion and readmits these sources."""

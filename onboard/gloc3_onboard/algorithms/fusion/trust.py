@@ -82,6 +82,11 @@ class Trust:
         return not self.is_used and self._good_since_s is None
 
     @property
+    def is_failing(self) -> bool:
+        """Whether its measurements do not pass the gate, one after the other."""
+        return self.reason == DISAGREES or (self.is_used and self._misses > _SLIPS)
+
+    @property
     def may_vote(self) -> bool:
         """Whether it may vote: used, or rejected by the estimate alone, which may be wrong itself."""
         return self.is_used or ((self.reason == DISAGREES or self.is_alone) and not self.is_voted_out)

@@ -122,3 +122,20 @@ def test_an_inertial_unit_that_turns_is_found_by_the_autopilot_and_what_a_scaled
     assert flown.worst_m() < 0.15
     found = [t_s for t_s, pose in zip(flown.t_s, flown.poses, strict=True) if "imu" not in pose.sources]
     assert kind == "scale" or 9.0 < found[0] < 9.5
+
+
+@pytest.mark.parametrize("platform", ["pelican", "hummingbird"])
+@pytest.mark.parametrize("faults", [{"stereo": "late"}, {"stereo": "late", "tracker": "removed"}])
+def test_odometers_that_see_no_height_do_not_keep_a_wrong_one(platform: str, faults: dict[str, str]) -> None:
+    """The inertial unit's error lets the pose rise by metres while the laser, which sees no height, agrees with it."""
+
+    def scaled(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+        return rate, tuple(1.05 * value for value in force) if t_s >= 12.0 else force
+
+    sensors = sensors_of(platform, 0)
+    for sensor in sensors:
+        if sensor.name in faults:
+            sensor.fault, sensor.fault_s = faults[sensor.name], (12.0, 60.0)
+    flown = fly(inspection(), sensors, imu=scaled, until_s=20.0, has_autopilot=True)  # type: ignore[arg-type]
+    assert flown.worst_m() < 0.3
+    assert flown.worst_m(18.0) < 0.15

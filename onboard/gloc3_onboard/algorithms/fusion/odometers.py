@@ -184,6 +184,16 @@ def _since(base: tuple[Vector3, Quaternion], report: OdometerReport) -> tuple[tu
     return reported, turn @ report.covariance @ turn.T, False
 
 
+def axes_of(report: OdometerReport, ned_from_frd: Quaternion) -> Quaternion:
+    """Rotation from a report's axes to NED, by the attitude of the body at its time.
+
+    Level axes stay level: with a tilt of a tenth of a degree, what is unknown of the height would hide the horizontal
+    motion.
+    """
+    axes = multiply(ned_from_frd, conjugate(report.attitude))
+    return from_yaw(yaw_of(axes)) if report.is_level else axes
+
+
 def source_of(
     before: OdometerReport, report: OdometerReport, ned_from_frd: Quaternion
 ) -> tuple[float, Vector3, bool] | None:

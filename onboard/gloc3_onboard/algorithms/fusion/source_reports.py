@@ -5,12 +5,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gloc3.messages.frames import Vector3, conjugate, multiply
+from gloc3.messages.frames import Vector3
 from gloc3_onboard.algorithms.fusion.error_state import Matrix
 from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation
 from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
 from gloc3_onboard.algorithms.fusion.measurements import CHI2_999, matrix_of
-from gloc3_onboard.algorithms.fusion.odometers import OdometerReport, source_of
+from gloc3_onboard.algorithms.fusion.odometers import OdometerReport, axes_of, source_of
 
 
 class PlaceReport(NamedTuple):
@@ -84,7 +84,7 @@ class SourceReports:
         elif isinstance(report, PlaceReport):
             record.add(report.t_s, found[0], report.covariance)
         else:
-            axes = multiply(state.ned_from_frd, conjugate(report.attitude))
+            axes = axes_of(report, state.ned_from_frd)
             record.add(report.t_s, found[0], report.covariance[:3, :3], axes, is_new_reference=found[1])
 
     def _excess(self, before: Report | None, report: Report, state: InertialState) -> tuple[Vector3, bool] | None:
@@ -109,7 +109,7 @@ def _in_ned(report: Report, state: InertialState) -> Matrix:
     """Covariance of the reported position, (3, 3)."""
     if isinstance(report, PlaceReport):
         return report.covariance
-    axes = matrix_of(multiply(state.ned_from_frd, conjugate(report.attitude)))
+    axes = matrix_of(axes_of(report, state.ned_from_frd))
     return np.asarray(axes @ report.covariance[:3, :3] @ axes.T, dtype=np.float64)
 
 

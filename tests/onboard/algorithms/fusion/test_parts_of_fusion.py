@@ -16,7 +16,7 @@ from gloc3.messages.frames import (
     to_rotation_vector,
     yaw_of,
 )
-from gloc3.messages.perception import UNKNOWN_VARIANCE
+from gloc3.messages.perception import UNKNOWN_VARIANCE, Odometry
 from gloc3_onboard.algorithms.fusion.alignment import StartPose
 from gloc3_onboard.algorithms.fusion.error_state import ROTATION, SIZE, VELOCITY, ErrorState, past_pose
 from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
@@ -24,7 +24,9 @@ from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation, Othe
 from gloc3_onboard.algorithms.fusion.inertial import Inertial, InertialState
 from gloc3_onboard.algorithms.fusion.inertial_motion import InertialMotion
 from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, level_of, matrix_of, place, relative
+from gloc3_onboard.algorithms.fusion.odometers import OdometerReport
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
+from gloc3_onboard.algorithms.fusion.source_reports import SourceReports
 from gloc3_onboard.algorithms.fusion.trust import Trust
 
 LEVEL_AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.80665))
@@ -301,3 +303,20 @@ def test_two_that_say_together_that_the_body_is_elsewhere_are_heard_and_two_that
     assert elsewhere((0.1, 0.0, 0.0), (-0.1, 0.0, 0.0)) is None
     assert elsewhere((0.1, 0.0, 0.0), (0.005, 0.0, 0.0)) is None
     assert elsewhere((0.005, 0.0, 0.0), (0.005, 0.0, 0.0)) is None
+
+
+def test_what_a_level_odometer_does_not_know_of_the_height_does_not_hide_its_motion() -> None:
+    """Its own attitude and the estimated one differ by some tenths of a degree."""
+    vote, inertial = FaultIsolation(2.0, 0.01, InertialMotion(0.0)), Inertial()
+    inertial.place(InertialState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), from_rotation_vector((0.004, -0.003, 0.4))))
+    reports, covariance = SourceReports(inertial, vote), np.diag([1e-6, 1e-6, UNKNOWN_VARIANCE, 1e6, 1e6, 1e-8])
+    for t_s in (0.0, 0.1):
+        message = Odometry(
+            source="laser",
+            reference_t_s=0.0,
+            position_m=(t_s, 0.0, 0.0),
+            reference_from_frd=from_rotation_vector((0.0, 0.0, 0.2)),
+            is_level=True,
+        )
+        reports.book(OdometerReport(message, t_s, covariance), inertial.now)
+    assert float(vote.record("laser").covariance[:2, :2].max()) < 1e-4

@@ -167,17 +167,19 @@ class Pose(Message, frozen=True):
     """Origin of the NED frame: latitude and longitude in degrees, altitude above mean sea level in metres."""
 
     def is_sound(self) -> bool:
-        """Whether it is finite, or not valid: NaN is neither near to nor far from anything, and so passes comparisons."""
+        """Whether it is finite, or not valid: NaN is neither near to nor far from anything, and so passes comparisons.
+
+        The origin, which is used without a valid pose, too, is finite in any case.
+        """
         numbers = (
             *self.position_ned_m,
             *self.velocity_ned_m_s,
             *self.ned_from_frd,
             *self.rate_frd_rad_s,
             *self.position_std_m,
-            *(self.origin_geo or ()),
             self.quality,
         )
-        return not self.is_valid or all(map(isfinite, numbers))
+        return all(map(isfinite, self.origin_geo or ())) and (not self.is_valid or all(map(isfinite, numbers)))
 
 
 OBSTACLE_SECTORS: Final = 72

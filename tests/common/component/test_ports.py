@@ -121,10 +121,8 @@ def test_a_pose_that_is_no_number_reaches_no_component_and_is_counted() -> None:
         {"position_std_m": (nan, 0.0, 0.0)},
         {"origin_geo": (nan, 8.0, 400.0)},
         {"quality": nan},
-        {
-            "origin_geo": (47.0, nan, 400.0),
-            "is_valid": False,
-        },  # an autopilot is told the origin before the pose is valid
+        # An autopilot is told the origin before the pose is valid.
+        {"origin_geo": (47.0, nan, 400.0), "is_valid": False},
     )
     for changes in wrong:
         mailbox.put("pose", posed(msgspec.structs.replace(good, **changes)))

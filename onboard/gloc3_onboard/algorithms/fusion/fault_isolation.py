@@ -23,7 +23,7 @@ from gloc3_onboard.algorithms.fusion.error_state import Matrix
 from gloc3_onboard.algorithms.fusion.inertial_motion import InertialMotion
 from gloc3_onboard.algorithms.fusion.inertial_witness import InertialWitness
 from gloc3_onboard.algorithms.fusion.measurements import CHI2_999
-from gloc3_onboard.algorithms.fusion.source_record import MEAN_S, Record
+from gloc3_onboard.algorithms.fusion.source_record import BLIND_M2, MEAN_S, Record
 
 _KEPT: Final = 1024
 _WINDOWS: Final = (0.25, 0.5, 1.0)
@@ -35,8 +35,6 @@ _SEPARATED: Final = (0.25, 1.0)
 _COARSE_M2: Final = 0.1**2
 """Sources that are left and do not know better than that tell a doubt only beyond two standard deviations."""
 _FLOOR_M2: Final = 0.004**2
-_BLIND_M2: Final = 0.5**2
-"""Variance beyond which a direction is ignored in a disagreement."""
 _NOTHING: Final = np.zeros((3, 3))
 _CONFIRM: Final = 2
 """Votes in a row with the same outcome, before it counts."""
@@ -189,7 +187,7 @@ class FaultIsolation:
             weight, moved = self._inertial if share == _SEPARATED[0] else (_NOTHING, np.zeros(3))
             variances, squares = _without(one, weights, weighted, weight, moved)
             if is_strict:
-                worst = np.maximum(worst, np.where(variances < _BLIND_M2, squares + 0.25 * variances, 0.0).max(axis=0))
+                worst = np.maximum(worst, np.where(variances < BLIND_M2, squares + 0.25 * variances, 0.0).max(axis=0))
             counted = squares - np.where(variances > _COARSE_M2, 4.0, 1.0) * variances
             worst = np.maximum(worst, counted.max(axis=0))
             if len(able) > 2:
@@ -272,7 +270,7 @@ class FaultIsolation:
         if by_m @ np.linalg.solve(spread, by_m) <= CHI2_999[3]:
             return False
         values, directions = np.linalg.eigh(spread)
-        known = directions[:, values < _BLIND_M2].T @ by_m
+        known = directions[:, values < BLIND_M2].T @ by_m
         return float(known @ known) > CHI2_999[3] * self._tolerance(begin_s, is_turned=False)
 
     @staticmethod
@@ -316,7 +314,7 @@ class FaultIsolation:
         if apart @ np.linalg.solve(spread, apart) <= gate:
             return None
         values, directions = np.linalg.eigh(spread)
-        known = directions[:, values < _BLIND_M2]
+        known = directions[:, values < BLIND_M2]
         north, east, down = (known @ (known.T @ apart)).tolist()
         if north**2 + east**2 + down**2 <= gate * tolerance:
             return None  # nor is what they agree on

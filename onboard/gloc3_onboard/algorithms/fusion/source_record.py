@@ -18,7 +18,8 @@ MEAN_S: Final = 0.3
 """Time over which reports are averaged at both ends of a window."""
 _ABOUT_S: Final = 0.13
 """Reports so far from a time are about it."""
-_BLIND_M2: Final = 0.5**2
+BLIND_M2: Final = 0.5**2
+"""Variance beyond which a direction is not measured."""
 _NOTHING: Final = np.zeros((3, 3))
 
 
@@ -119,7 +120,7 @@ class Record:
     @property
     def sees_vertical(self) -> bool:
         """Whether it measures vertical motion, as its last report says."""
-        return float(self.covariance[2, 2]) < _BLIND_M2
+        return float(self.covariance[2, 2]) < BLIND_M2
 
     @property
     def covariance(self) -> Matrix:

@@ -9,6 +9,7 @@ from gloc3.messages.vehicle import Image
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
 from gloc3_sitl.physics.jsbsim_body import Quadrotor
+from gloc3_sitl.sensors.range_finder import HeightSensor
 from gloc3_sitl.vehicles.table import vehicle_of
 from gloc3_sitl.world.world import World
 
@@ -69,3 +70,12 @@ def test_the_tracker_is_where_it_stands_in_the_hold_seen_from_how_high_the_vehic
     x, y, height_m = tracker.position_m
     assert follower.settings["position_ned_m"] == pytest.approx([x, -y, standing_m - height_m], abs=1e-3)
     assert follower.settings["floor_height_m"] == pytest.approx(-standing_m, abs=1e-3)
+
+
+def test_the_ground_odometry_knows_where_the_simulated_vehicle_has_its_height_sensor(platform: Platform) -> None:
+    """A centimetre is 0.7 % of a height of 1.5 m, and so of all motion."""
+    odometry = platform.component("ground_odometry")
+    assert odometry is not None
+    standing_m = Quadrotor(vehicle_of(platform), GeoPoint(39.5528, 2.6285, 2.0)).standing_height_m
+    _, _, below_m = odometry.settings["sensor_frd_m"]
+    assert below_m == pytest.approx(standing_m - HeightSensor.mount_height_m, abs=2e-3)

@@ -1,7 +1,7 @@
 """Pose of the platform, fused from an IMU and any odometers, position fixes and heights."""
 
 from collections.abc import Callable
-from math import hypot, isfinite
+from math import hypot, isfinite, tanh
 from typing import Final
 
 import numpy as np
@@ -292,12 +292,15 @@ class PoseFusion:
         is_jump = isinstance(report, PlaceReport) and hypot(*measured.residual) > self.settings.jump_m
         is_sound = not is_jump and innovation <= CHI2_999[measured.degrees]
         is_steady = report is None or is_sound or self._source_reports.is_steady(report, past.state)
-        was_coarse = trust.is_coarse
+        was_coarse, was_used_s = trust.is_coarse, trust.used_s
         is_accepted = trust.judge(innovation, measured.degrees, t_s, is_steady=is_steady)
         if was_coarse and trust.is_used:  # what it told while it was plainly wrong is forgotten
             self._voting.isolation.record(trust.name).reset()
         if not is_accepted or (is_jump and not is_steady):
             return False
+        if isinstance(report, PlaceReport) and self.settings.fix_correlation_s > 0.0:
+            # Errors with r = exp(-dt / tau) from one to the next average out like independent ones of R (1 + r) / (1 - r).
+            noise = noise / tanh((t_s - was_used_s) / (2.0 * self.settings.fix_correlation_s))
         self.estimate.correct(measured.residual, rows, noise)
         return True
 

@@ -28,6 +28,8 @@ class FusionSettings(Settings, frozen=True):
     """How the accelerometers' biases wander, m/s²/√s."""
     odometer_scale_std: Annotated[float, Bounds(0.0, 0.2)] = 0.01
     """Error of scale that an odometer may have and still agree with the others."""
+    fix_correlation_s: Annotated[float, Bounds(0.0, 60.0)] = 0.0
+    """How long the error of an absolute position lasts; within it, many positions tell hardly more than one. 0: not at all."""
     height_std_m: Deviation = 0.012
     """How well a range to the floor is measured, but for an error that stays: that goes into the level of the floor."""
     is_height_slant: bool = True

@@ -1,5 +1,6 @@
 """DP: the platform's pose by dead reckoning: heading, and a DVL or wheels, corrected by satellites when visible."""
 
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from math import hypot, isfinite, radians, sqrt
@@ -44,10 +45,14 @@ _LATE_S: Final = 1.0
 """Largest lateness at which a fix is propagated to the present by the velocity, s."""
 KEPT_S: Final = 120.0
 """What was reckoned is carried on after a crash or a restart that is no longer ago than this."""
+_DEPTH_STD_M: Final = 0.1
+"""Standard deviation of the autopilot's depth in calm water."""
 DEPTH_LOST_S: Final = 10.0
 """So long the last depth is held while the autopilot has no position."""
 _ATTITUDE: Final = 2
 """Rank of an attitude among what is valid at the same time."""
+_FLOATING: Final = 1000
+"""So many depths, half a minute and more, tell the waves."""
 _KEEP_S: Final = 1.0
 """How often the memory gets the reckoning."""
 _STEP_S: Final = 5.0
@@ -110,6 +115,7 @@ class KeptReckoning(msgspec.Struct, frozen=True, array_like=True):
     down_m: float
     common_m: float
     reset_counter: int
+    waves_m2: float = 0.0
 
 
 class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
@@ -182,6 +188,11 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._requested: Setpoint | None = None
         self._down_m, self._depth_s = 0.0, float("-inf")
         """The autopilot's last depth, and when it told it."""
+        self._waves_m2 = 0.0
+        """Variance of the depth while it floats, before anything is asked of it. The autopilot's zero is the depth of one
+        such moment."""
+        self._floating: deque[float] | None = deque(maxlen=_FLOATING)
+        """The last depths of that time; None once it is over."""
         self._kept: KeptReckoning | None = None
         """What is to be carried on."""
         self._kept_s = float("-inf")
@@ -210,6 +221,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             self._down_m,
             self._common_m,
             self.reset_counter,
+            self._waves_m2,
         )
 
     def _remembered(self) -> KeptReckoning | None:
@@ -228,7 +240,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._origin_geo, self._plane = kept.origin_geo, TangentPlane(GeoPoint(*kept.origin_geo))
         self._now_s, self._is_begun = kept.t_s, True
         self._down_m, self._depth_s, self._common_m = kept.down_m, kept.t_s, kept.common_m
-        self.reset_counter = kept.reset_counter
+        self.reset_counter, self._waves_m2, self._floating = kept.reset_counter, kept.waves_m2, None
 
     def _keep(self, now_s: float) -> None:
         if self._memory is None or now_s - self._kept_s < _KEEP_S - 1e-6:
@@ -244,6 +256,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         if self._kept is not None:
             self._carry_on(now_s)
         requested = inbox.latest(self.setpoint)
+        if requested is not None:
+            self._floating = None
         self._requested = requested.payload if requested is not None and now_s - requested.t_s < _REQUESTED_S else None
         poses = [(envelope.t_s, 3, envelope.payload) for envelope in inbox.new(self.autopilot_pose)]
         attitudes = [(envelope.t_s, _ATTITUDE, envelope.payload) for envelope in inbox.new(self.autopilot_attitude)]
@@ -417,6 +431,9 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         is_guided &= has_position
         if is_finite and has_position and given.has_height:
             self._down_m, self._depth_s = given.position_ned_m[2], t_s
+            if self._floating is not None and not self.settings.is_level:
+                self._floating.append(self._down_m)
+                self._waves_m2 = float(np.var(self._floating))
         if is_guided:
             self._lean_on(given)
         settings, reckoner = self.settings, self._filter
@@ -442,7 +459,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
             velocity_ned_m_s=(vn, ve, given.velocity_ned_m_s[2] if has_depth else 0.0),
             ned_from_frd=self._attitude,
             rate_frd_rad_s=given.rate_frd_rad_s if is_finite else (0.0, 0.0, 0.0),
-            position_std_m=(std_n, std_e, 0.1 + settings.climb_m_s * unknown_s),
+            position_std_m=(std_n, std_e, hypot(_DEPTH_STD_M, sqrt(self._waves_m2)) + settings.climb_m_s * unknown_s),
             is_valid=is_valid,
             reason=self.reason,
             quality=0.0 if not is_valid else max(0.05, 1.0 - self.std_m / settings.lost_std_m),

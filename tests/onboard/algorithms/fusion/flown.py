@@ -274,11 +274,16 @@ class Tracker(Sensor):
 
     std_m: Vector3 = (0.008, 0.02, 0.008)
     lever: Vector3 = (0.1, 0.0, -0.08)
+    lasting_s: float = 0.0
+    """Time after which 0.37 of an error is left; 0: it is another one with each report."""
+    _error_m: Array = field(default_factory=lambda: np.zeros(3))
 
     def measure(self, flight: Flight, t_s: float) -> PositionFix:
         now = flight.index(t_s)
         lamp = rotate(flight.attitude[now], self.lever)
-        place = flight.position[now] + lamp + self.rng.normal(size=3) * self.std_m
+        share = np.exp(-1.0 / (self.rate_hz * self.lasting_s)) if self.lasting_s else 0.0
+        self._error_m = share * self._error_m + np.sqrt(1.0 - share**2) * self.rng.normal(size=3) * self.std_m
+        place = flight.position[now] + lamp + self._error_m
         return PositionFix(
             source=self.name,
             position_ned_m=tuple(place.tolist()),

@@ -123,6 +123,8 @@ class Sea:
     def __init__(self, bench: Bench, *, satellite_std_m: float = 1.0, **settings: object) -> None:
         self.bench = bench
         self.satellite_std_m = satellite_std_m
+        self.wave_m = 0.0
+        """Amplitude of what the vehicle bobs by, every five seconds."""
         row = ComponentRow(
             name="pose",
             class_name="x:Y",
@@ -138,7 +140,7 @@ class Sea:
         """Ten estimates a second, five velocities, and a fix a second where there is a place."""
         for step in range(round(seconds * 10)):
             estimate = AutopilotPose(
-                position_ned_m=(70.0, -30.0, 4.0),
+                position_ned_m=(70.0, -30.0, 4.0 + self.wave_m * sin(radians(7.2 * step))),
                 velocity_ned_m_s=(0.0, 0.0, 0.0),
                 ned_from_frd=from_yaw(0.0),
                 rate_frd_rad_s=(0.0, 0.0, 0.0),
@@ -168,6 +170,18 @@ def test_it_has_no_place_before_the_first_fixes_and_dives_on_from_them() -> None
         assert pose.is_valid
         assert pose.position_ned_m == pytest.approx((20.0, -5.0, 4.0), abs=0.3), "depth is the autopilot's"
         assert pose.sources == ["dvl", "heading", "depth"]
+
+
+def test_waves_in_which_the_autopilot_took_its_zero_are_told_also_under_water() -> None:
+    with Bench() as bench:
+        sea = Sea(bench)
+        assert sea.run(8.0, at=(0.0, 0.0)).position_std_m[2] == pytest.approx(0.1)
+        sea.wave_m = 0.2
+        bobbing = sea.run(120.0, at=(0.0, 0.0)).position_std_m[2]
+        assert bobbing == pytest.approx(hypot(0.1, 0.2 / 2**0.5), rel=0.02)
+        bench.send("setpoint", Setpoint(action_id="a", velocity_ned_m_s=(0.0, 0.0, 0.5)))
+        sea.wave_m = 3.0  # it dives and climbs
+        assert sea.run(20.0).position_std_m[2] == pytest.approx(bobbing)
 
 
 def test_it_says_that_it_is_adrift_and_at_last_that_it_is_lost() -> None:

@@ -329,10 +329,12 @@ BARS = (
         "ablation",
         "Any source of the pose may fail in flight: the mission is done, or ends in a safe landing",
         "The whole stack flies 11 m in the hold at 0.7 m/s, with rendered pictures. After 12 s, with 8 m to go, one "
-        "source of the pose fails for good, or two are removed, or all that hold the position. With one failure the "
-        f"mission is done. With more it is done, or its policy lands the vehicle at no more than {HARD_M_S:g} m/s and "
-        f"{ASIDE_M:g} m aside, with the reason. The largest error, at most {LARGEST_M:g} m, is that of a pose marked "
-        "valid; the time is that to the first pose that does not use the source.",
+        "source of the pose fails for good, or two are removed, or all that hold the position, or two or three have "
+        f"different faults at once ({DRAWN} of each are drawn). With one failure the mission is done. With more it is done, "
+        f"or its policy lands the vehicle with the reason, at no more than {HARD_M_S:g} m/s and {ASIDE_M:g} m aside "
+        f"({DRIFTED_M:g} m where several sources lie, since the autopilot then comes down without a position). A valid pose is "
+        f"never off by more than {SIGMAS:g} of its standard deviations for {DISHONEST_S:g} s, and with one failure, or "
+        f"removed sources, by no more than {LARGEST_M:g} m. The time is that to the first pose that does not use the source.",
         run,
         seeds="0",
     ),

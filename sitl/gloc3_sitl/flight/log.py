@@ -1,6 +1,6 @@
 """The log of a flight in virtual time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -9,7 +9,7 @@ from gloc3.component.workers import ImmediateExecutor
 from gloc3.errors import Refused
 from gloc3.log.description import RunDescription
 from gloc3.log.record import Recorder
-from gloc3.log.selection import TopicChoice, merged
+from gloc3.log.selection import TopicChoice, merged, period_s
 from gloc3.messages.frames import Vector3
 from gloc3_onboard.command_server.log_shelf import LogStore, LogStoreBase, NoLogStore
 from gloc3_onboard.process.log_files import LogFiles
@@ -42,6 +42,8 @@ class FlightRecording:
         """Of the file that is being written."""
         self._context, self._metadata = context, metadata
         self._description, self._chosen = description, dict(description.chosen)
+        self.on_select: Callable[[], None] = lambda: None
+        """Called when other topics are recorded from now on."""
         self.recorder = self._open()
 
     def _open(self) -> Recorder | None:
@@ -67,7 +69,13 @@ class FlightRecording:
             raise Refused("no log is being written")
         self._chosen = merged(self._chosen, chosen, self._context.topics)
         self.recorder.select(self._chosen)
+        self.on_select()
         return self._chosen
+
+    def records(self, topic: str) -> bool:
+        """Whether a topic `PLATFORM/TOPIC` is recorded."""
+        row, name = self._context.topics.row(topic), topic.partition("/")[2]
+        return self.recorder is not None and period_s(name, row, self._chosen) is not None
 
     def show_path(self, points_ned_m: Sequence[Vector3]) -> None:
         """Writes the path requested so far."""

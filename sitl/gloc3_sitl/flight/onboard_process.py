@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from errno import ENOSPC
+from pathlib import Path
 from random import Random
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ from gloc3.terrain import open_terrain
 from gloc3_onboard.assembly import VehicleSide, watch_sensors
 from gloc3_onboard.companion.acoustic_link import ModemSettings
 from gloc3_onboard.companion.files import LOGS, Folders, LogFolder
+from gloc3_onboard.components.drivers.image_recorder import RecordedPicture
 from gloc3_onboard.inputs import KNOWN_MAP, Attachment, Hosting, Sensors, Storage, VehicleInputs, known_map
 from gloc3_onboard.process.computer import SimulatedComputer
 from gloc3_onboard.process.runner import Create, Onboard
@@ -38,6 +40,18 @@ AUTOPILOT_URL: Final = "udpin://127.0.0.1:14540"
 BITS_PER_BYTE: Final = 10.0
 SIMULATED: Final = "simulated"
 """Name of a simulated sensor's source."""
+
+
+class FlightPictures(PictureFolder):
+    """Colours pictures when they are written: most are only looked at, by processors of grey values."""
+
+    def __init__(self, folder: Path, rig: SimRig, utc_offset_s: Callable[[], float | None]) -> None:
+        super().__init__(folder, rig, utc_offset_s)
+        self._sim_rig = rig
+
+    def write(self, picture: RecordedPicture) -> None:
+        """Writes a picture, in colour."""
+        super().write(picture._replace(image=self._sim_rig.coloured(picture.image)))
 
 
 class FlightRecords(MemoryRecords):
@@ -157,8 +171,8 @@ class FlightProcess:
         self._plan, self._platform, self._context, self._create, self._rig = plan, platform, context, create, rig
         self._log = log
         self._looks_down = faces_down(platform, mission)
-        if plan.out is not None:  # colours cost as much again; without a folder, pictures are only counted
-            rig.use_colour(recordable_cameras(platform))
+        log.on_select = self._use_colours
+        self._use_colours()
         self.links: Final = FlightLinks(plan, context)
         self.imu: Final = SimImu(context.loop, plan.seed)
         """The autopilot's inertial unit, as the process gets it."""
@@ -172,7 +186,7 @@ class FlightProcess:
             log_store=log.log_store(),
             pictures=NoPictures()
             if plan.out is None
-            else PictureFolder(plan.out / "images", rig, context.clock.utc_offset),
+            else FlightPictures(plan.out / "images", rig, context.clock.utc_offset),
         )
         """What outlives the process."""
         clock = context.clock
@@ -189,6 +203,11 @@ class FlightProcess:
         """Its parts, in the life that is or was the last."""
         self.onboard: Onboard | None = None
         """Its components; None while it is dead."""
+
+    def _use_colours(self) -> None:
+        """Has pictures that the log records taken in colour: it costs as much again. Others get it when they are written."""
+        name, cameras = self._platform.platform, recordable_cameras(self._platform)
+        self._rig.use_colour([camera for camera in cameras if self._log.records(f"{name}/camera/{camera}")])
 
     def start(self) -> None:
         """Starts it, the first time or after it was killed."""

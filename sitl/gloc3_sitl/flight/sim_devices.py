@@ -306,5 +306,7 @@ class NoDevice:
 def _image(camera: SimulatedCamera | TrackerCamera, truth: Truth) -> Image:
     photo = camera.capture(truth)
     height, width = photo.pixels.shape
-    bgr = b"" if photo.bgr is None else photo.bgr.tobytes()
-    return Image(camera=camera.imager.name, width=width, height=height, data=photo.pixels.tobytes(), bgr=bgr)
+    data, bgr = photo.pixels.tobytes(), b"" if photo.bgr is None else photo.bgr.tobytes()
+    if isinstance(camera, SimulatedCamera):
+        camera.keep(data, truth)
+    return Image(camera=camera.imager.name, width=width, height=height, data=data, bgr=bgr)

@@ -4,7 +4,10 @@ from asyncio import AbstractEventLoop
 from collections.abc import Callable, Collection
 from typing import Final
 
+import msgspec
+
 from gloc3.camera.model import CameraModel
+from gloc3.messages.vehicle import Image
 from gloc3_sitl.flight.sim_devices import (
     CaptureTrigger,
     NoDevice,
@@ -103,6 +106,14 @@ class SimRig:
         """Has these cameras of the vehicle take pictures in colour, and the others in grey."""
         for camera in self._coloured:
             camera.is_coloured = camera.imager.name in cameras
+
+    def coloured(self, image: Image) -> Image:
+        """One of the last pictures of these cameras in colour; any other as it is."""
+        for camera in self._coloured:
+            if camera.imager.name == image.camera and not image.bgr:
+                bgr = camera.coloured(image.data)
+                return image if bgr is None else msgspec.structs.replace(image, bgr=bgr.tobytes())
+        return image
 
     def model(self, camera: str) -> CameraModel | None:
         """The camera of that name, as it is truly calibrated; None where there is none."""

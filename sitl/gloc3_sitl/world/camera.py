@@ -1,5 +1,6 @@
 """A simulated camera on a vehicle: pose, pictures, and visibility of the tag."""
 
+from collections import deque
 from math import ceil, dist, hypot
 from typing import Final
 
@@ -19,6 +20,8 @@ from gloc3_sitl.world.world import World
 _BLUR_STEP_PX: Final = 1.0
 _MOST_STEPS: Final = 12
 _NEAR_M: Final = 0.3
+_KEPT: Final = 8
+"""So many of the last pictures may be coloured afterwards."""
 
 
 class SimulatedCamera:
@@ -44,6 +47,7 @@ class SimulatedCamera:
         self._tinter: Tinter | None = None
         self.is_coloured = False
         """Whether it takes pictures in colour; the grey values are the same."""
+        self._taken: deque[tuple[bytes, Truth]] = deque(maxlen=_KEPT)
 
     def pose(self, truth: Truth) -> tuple[Quaternion, Vector3]:
         """`local_from_rdf` and the optical centre as `[x, y, height]`."""
@@ -54,11 +58,28 @@ class SimulatedCamera:
         if self._studio is None:
             self._studio = Studio(self.world, self.model, self.imager, self.world.file.exposure, self._seed)
         bodies = [self._placing.body(truth, later_s) for later_s in self._moments_s(truth)]
-        eyes = [body.mounted(self.model.position_frd_m, self.model.frd_from_rdf) for body in bodies]
+        eyes = [self._eye(body) for body in bodies]
         scene = self._studio.scene(eyes, bodies[len(bodies) // 2], truth.t_s)
         pixels = self._studio.developed(scene, truth.t_s)
         bgr = self._tint(pixels, eyes[len(eyes) // 2], truth.t_s) if self.is_coloured else None
         return Photo(t_s=truth.t_s, pixels=pixels, bgr=bgr)
+
+    def keep(self, data: bytes, truth: Truth) -> None:
+        """Keeps what a picture was taken from, so that it may be coloured while it is one of the last."""
+        self._taken.append((data, truth))
+
+    def coloured(self, data: bytes) -> Image | None:
+        """A picture that was kept, in colour, shape `(rows, columns, 3)`; None where these bytes are no such picture."""
+        truth = next((truth for kept, truth in self._taken if kept is data), None)
+        if truth is None:
+            return None
+        moments_s = self._moments_s(truth)
+        pixels = np.frombuffer(data, np.uint8).reshape(self.model.height, self.model.width)
+        eye = self._eye(self._placing.body(truth, moments_s[len(moments_s) // 2]))
+        return self._tint(pixels, eye, truth.t_s)
+
+    def _eye(self, body: WorldPlacement) -> WorldPlacement:
+        return body.mounted(self.model.position_frd_m, self.model.frd_from_rdf)
 
     def _tint(self, pixels: Image, eye: WorldPlacement, t_s: float) -> Image:
         if self._tinter is None:

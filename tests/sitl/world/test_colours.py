@@ -26,6 +26,24 @@ def photo(truth: Truth, model: CameraModel, *, is_coloured: bool, world: str = "
     return camera.capture(truth)
 
 
+def test_one_of_the_last_pictures_gets_the_same_colours_afterwards(truth_at: Callable[..., Truth]) -> None:
+    world = World.load("hold_hard")  # with an exposure of some length
+    moving = replace(
+        truth_at(world, (6.0, 8.0, 3.0), (0.05, 0.1, -pi / 2.0)), velocity_ned_m_s=(1.0, 0.5, 0.0), t_s=2.0
+    )
+    at_once = photo(moving, rig.FRONT_LEFT, is_coloured=True, world="hold_hard")
+    camera = SimulatedCamera(world, rig.FRONT_LEFT, replace(rig.FRONT_LEFT_IMAGER, noise_grey=0.0), 1)
+    taken = camera.capture(moving)
+    data = taken.pixels.tobytes()
+    camera.keep(data, moving)
+    afterwards = camera.coloured(data)
+    assert taken.bgr is None
+    assert afterwards is not None
+    assert at_once.bgr is not None
+    assert np.array_equal(afterwards, at_once.bgr)
+    assert camera.coloured(at_once.pixels.tobytes()) is None, "the bytes of no picture that was kept"
+
+
 @pytest.mark.parametrize("model", [rig.GROUND, rig.FRONT_LEFT, FISHEYE])
 def test_grey_values_are_those_of_a_grey_camera_and_the_colours_have_them_as_brightness(
     model: CameraModel, truth_at: Callable[..., Truth]

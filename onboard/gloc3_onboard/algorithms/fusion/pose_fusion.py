@@ -73,6 +73,8 @@ class PoseFusion:
         self._waiting: list[tuple[float, Measurement]] = []
         self._source_reports: Final = SourceReports(self.estimate.inertial, self._voting.isolation)
         self._height_misses = 0
+        self._height_off_m: float | None = None
+        """By how much the first height since the last accepted one was off."""
         settings = self.settings
         if settings.start_ned_m is not None and settings.start_heading_deg is not None:
             heading = from_yaw(np.radians(settings.start_heading_deg))
@@ -366,6 +368,9 @@ class PoseFusion:
         residual = np.array((reported.vertical_m - (estimate.floor_down_m - down),))
         measured = Measured(residual, reported.by_pose, None, np.array(((variance,),)))
         is_accepted = self._judge(trust, measured, rows, past)
+        off_m = float(residual[0])
+        self._height_off_m = None if is_accepted else off_m if self._height_off_m is None else self._height_off_m
+        self._voting.height_drift_m = 0.0 if self._height_off_m is None else abs(off_m - self._height_off_m)
         self._height_misses = 0 if is_accepted or trust.is_used else self._height_misses + 1
 
     # --- time passes ---

@@ -31,6 +31,8 @@ _LOST_S: Final = 2.0
 """A pose that is lost is doubted so often."""
 _FALLEN_M: Final = 0.3
 """Possible error of the height once nothing that measures it passes."""
+_FLOOR_M: Final = 0.1
+"""Another floor stays as far from the one before; where the distance changes by more, it is the estimate that moves."""
 _ARGUED_S: Final = 3.0
 """Where sources contradict each other for longer, the vehicle had better hold."""
 
@@ -61,6 +63,8 @@ class SourceVoting:
         self.conflict_s = float("-inf")
         """Since when, with interruptions that are shorter than the window in which they agree again."""
         self._contradicted_s, self._contradicted = float("-inf"), tuple[str, ...]()
+        self.height_drift_m = 0.0
+        """By how much heights that fail the gate, one after the other, have moved away since the first of them."""
         self.is_standing = False
         """The body has not moved since it was aligned."""
         self._estimate, self._odometers, self._settings, self._distrust_imu = (
@@ -312,7 +316,8 @@ class SourceVoting:
         records, since_s = self.isolation.records, now_s - self._distrusted_s
         judges = [name for name in (*records, HEIGHT) if name in self.trust and not self._is_silent(name)]
         judges = [name for name in judges if name == HEIGHT or records[name].sees_vertical]
-        if since_s < _LOST_S or len(judges) < 2 or not all(self.trust[name].is_failing for name in judges):
+        is_judged = len(judges) > 1 or (judges == [HEIGHT] and self.height_drift_m > _FLOOR_M)
+        if since_s < _LOST_S or not is_judged or not all(self.trust[name].is_failing for name in judges):
             return
         if since_s < _AGAIN_S:
             self._distrust_imu(now_s, f"it contradicts {' and '.join(judges)}")

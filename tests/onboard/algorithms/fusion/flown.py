@@ -309,10 +309,14 @@ class Tracker(Sensor):
 class Height(Sensor):
     """A range finder that is fixed to the body, over a floor at zero."""
 
+    boxes_s: tuple[tuple[float, float], ...] = ()
+    """When it is over a box of 0.6 m."""
+
     def measure(self, flight: Flight, t_s: float) -> HeightAboveGround:
         now = flight.index(t_s)
         cosine = rotate(flight.attitude[now], (0.0, 0.0, 1.0))[2]
-        range_m = (0.1 - flight.position[now][2]) / cosine + self.rng.normal() * 0.01
+        floor_m = -0.6 if any(begin_s < t_s < end_s for begin_s, end_s in self.boxes_s) else 0.0
+        range_m = (0.1 + floor_m - flight.position[now][2]) / cosine + self.rng.normal() * 0.01
         return HeightAboveGround(height_m=float(range_m), is_valid=True)
 
     def garbage(self, message: HeightAboveGround) -> HeightAboveGround:

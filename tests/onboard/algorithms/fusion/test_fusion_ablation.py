@@ -5,8 +5,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from gloc3_onboard.algorithms.fusion.settings import FusionSettings
+
 from .ablation import FAULTS, HARMLESS, SOURCES, judge, suffer
-from .flown import inspection, sensors_of
+from .flown import Height, Odometer, Sensor, inspection, sensors_of
 from .fly import fly
 
 pytestmark = pytest.mark.thorough
@@ -139,3 +141,39 @@ def test_odometers_that_see_no_height_do_not_keep_a_wrong_one(platform: str, fau
     flown = fly(inspection(), sensors, imu=scaled, until_s=20.0, has_autopilot=True)  # type: ignore[arg-type]
     assert flown.worst_m() < 0.3
     assert flown.worst_m(18.0) < 0.15
+
+
+STIFF = FusionSettings(start_ned_m=(0.0, 0.0, 0.0), start_heading_deg=0.0, height_std_m=0.01, floor_walk=0.002)
+"""As over the deck of a ship."""
+
+
+def level_sensors(platform: str) -> list[Sensor]:
+    """Without stereo camera and tracker; the odometers that are left see no height."""
+    sensors = [sensor for sensor in sensors_of(platform, 0) if sensor.name in ("laser", "ground", "height")]
+    for sensor in sensors:
+        if isinstance(sensor, Odometer):
+            sensor.blind = (2, 3, 4)
+    return sensors
+
+
+@pytest.mark.parametrize("platform", ["pelican", "hummingbird"])
+def test_a_floor_that_moves_away_is_none_but_an_estimate_that_falls(platform: str) -> None:
+    """Nothing but the range to the floor measures the height, and the inertial unit is wrong: metres in seconds."""
+
+    def scaled(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+        return rate, tuple(1.05 * value for value in force) if t_s >= 12.0 else force
+
+    flown = fly(inspection(), level_sensors(platform), 0, STIFF, imu=scaled, until_s=20.0)  # type: ignore[arg-type]
+    assert flown.poses[-1].is_valid
+    assert flown.worst_m() < 0.3
+    assert flown.worst_m(14.0) < 0.1
+
+
+def test_a_box_below_is_another_floor_also_where_nothing_else_measures_the_height() -> None:
+    sensors = level_sensors("pelican")
+    height = next(sensor for sensor in sensors if isinstance(sensor, Height))
+    height.boxes_s = ((10.0, 14.0), (17.0, 20.0))
+    flown = fly(inspection(), sensors, 0, STIFF, until_s=24.0)
+    assert all(pose.is_valid for pose in flown.poses)
+    assert flown.worst_m() < 0.06
+    assert max(max(pose.position_std_m) for pose in flown.poses) < 0.1

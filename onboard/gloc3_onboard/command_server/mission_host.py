@@ -18,6 +18,7 @@ from gloc3.messages.vehicle import (
     ManoeuvreState,
     MotionGrant,
     TakeOver,
+    VehicleClass,
 )
 from gloc3.mission.executing.board import UNATTENDED_S
 from gloc3.mission.executing.executor import MissionExecutor, Verb
@@ -251,7 +252,7 @@ class MissionHost:
         if is_failsafe and autopilot is not None:
             if not autopilot.is_armed:
                 executor.failsafe_landed(now_s)
-            elif _is_held(autopilot):
+            elif self._is_held(autopilot, now_s):
                 executor.failsafe_holds(now_s)
         self._follow_operator(executor, autopilot, now_s)
         is_operators = executor.board.is_operator
@@ -262,13 +263,21 @@ class MissionHost:
             self._attended_s = max(self._attended_s, self._control.others_received_s())
         is_attended = not is_operators and now_s - self._attended_s < UNATTENDED_S
         if driver.has_pilot_control and not is_attended and not _brings_down(autopilot, is_operators=is_operators):
-            executor.unattended(now_s - self._attended_s, now_s, is_held=_is_held(autopilot))
+            executor.unattended(now_s - self._attended_s, now_s, is_held=self._is_held(autopilot, now_s))
         if driver.held_after_gap_s not in (0.0, self._gap_s):
             text = (
                 f"no contact with the autopilot for {driver.held_after_gap_s:.1f} s: it held meanwhile, now it goes on"
             )
             self._report(Severity.WARNING, text)
         self._gap_s = driver.held_after_gap_s
+
+    def _is_held(self, autopilot: AutopilotState | None, now_s: float) -> bool:
+        """Whether the vehicle holds; a diver also in a mode of a pilot who is not there: ArduSub's failsafe ends in one."""
+        if autopilot is None or autopilot.mode is FlightMode.HOLD:
+            return autopilot is not None
+        is_left = autopilot.vehicle is VehicleClass.SUB and autopilot.mode is FlightMode.MANUAL
+        is_alone = not autopilot.has_transmitter and now_s - self._control.others_received_s() >= UNATTENDED_S
+        return is_left and is_alone
 
     def operated(self, executor: MissionExecutor, what: str, now_s: float) -> None:
         """An operator has commanded the autopilot itself: `station 255 sent return`."""
@@ -365,17 +374,6 @@ class MissionHost:
         arguments = {"action_id": action_id, **more}
         message = FunctionRequest(request_id=request_id, function=f"action.{verb}", arguments=arguments)
         return MissionPorts.function.report(message, key=component)
-
-
-def _is_held(autopilot: AutopilotState | None) -> bool:
-    """Whether the vehicle is on no way: it holds, or is in a mode of a pilot who has no transmitter.
-
-    A failsafe of ArduSub ends in such a mode, at the surface.
-    """
-    if autopilot is None:
-        return False
-    is_left = autopilot.mode is FlightMode.MANUAL and not autopilot.has_transmitter
-    return autopilot.mode is FlightMode.HOLD or is_left
 
 
 def _brings_down(autopilot: AutopilotState | None, *, is_operators: bool) -> bool:

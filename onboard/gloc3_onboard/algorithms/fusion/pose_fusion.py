@@ -1,7 +1,7 @@
 """Pose of the platform, fused from an IMU and any odometers, position fixes and heights."""
 
 from collections.abc import Callable
-from math import hypot, isfinite, tanh
+from math import hypot, isfinite, nan, tanh
 from typing import Final
 
 import numpy as np
@@ -26,6 +26,8 @@ _IMU_LOST_S: Final = 0.1
 _COAST_STEP_S: Final = 0.02
 _HEIGHT_PERIOD_S: Final = 0.09
 """More often a height is not worth its cost."""
+_LEAP_M: Final = 0.1
+"""Heights that differ by more from one to the next do not lead anywhere."""
 _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
 _STAND_S: Final = 0.1
@@ -73,8 +75,9 @@ class PoseFusion:
         self._waiting: list[tuple[float, Measurement]] = []
         self._source_reports: Final = SourceReports(self.estimate.inertial, self._voting.isolation)
         self._height_misses = 0
-        self._height_off_m: float | None = None
-        """By how much the first height since the last accepted one was off."""
+        self._heights_off_m = (0.0, 0.0)
+        """By how much the first of the heights that lead away from the floor was off, and the last one."""
+        self._height_m = nan
         settings = self.settings
         if settings.start_ned_m is not None and settings.start_heading_deg is not None:
             heading = from_yaw(np.radians(settings.start_heading_deg))
@@ -368,10 +371,16 @@ class PoseFusion:
         residual = np.array((reported.vertical_m - (estimate.floor_down_m - down),))
         measured = Measured(residual, reported.by_pose, None, np.array(((variance,),)))
         is_accepted = self._judge(trust, measured, rows, past)
-        off_m = float(residual[0])
-        self._height_off_m = None if is_accepted else off_m if self._height_off_m is None else self._height_off_m
-        self._voting.height_drift_m = 0.0 if self._height_off_m is None else abs(off_m - self._height_off_m)
+        self._follow_heights(float(residual[0]), message.height_m, is_accepted=is_accepted)
         self._height_misses = 0 if is_accepted or trust.is_used else self._height_misses + 1
+
+    def _follow_heights(self, off_m: float, height_m: float, *, is_accepted: bool) -> None:
+        """Follows heights that fail the gate and lead away from the floor; garbage leaps, and a frozen sensor repeats one."""
+        first_m, last_m = self._heights_off_m
+        is_leading_on = not is_accepted and abs(off_m - last_m) < _LEAP_M and height_m != self._height_m
+        self._heights_off_m = (first_m if is_leading_on else off_m, off_m)
+        self._height_m = height_m
+        self._voting.height_drift_m = abs(off_m - self._heights_off_m[0])
 
     # --- time passes ---
 

@@ -169,6 +169,15 @@ def test_a_floor_that_moves_away_is_none_but_an_estimate_that_falls(platform: st
     assert flown.worst_m(14.0) < 0.1
 
 
+@pytest.mark.parametrize("fault", ["garbage", "frozen"])
+def test_a_range_finder_that_is_broken_does_not_shake_an_estimate_that_nothing_else_contradicts(fault: str) -> None:
+    sensors = level_sensors("pelican")
+    sensors[-1].fault, sensors[-1].fault_s = fault, (3.0, 60.0)  # while it climbs
+    flown = fly(inspection(), sensors, 0, STIFF, until_s=10.0)
+    assert all("imu" in pose.sources for pose in flown.poses)
+    assert flown.worst_m() < 0.1
+
+
 def test_a_box_below_is_another_floor_also_where_nothing_else_measures_the_height() -> None:
     sensors = level_sensors("pelican")
     height = next(sensor for sensor in sensors if isinstance(sensor, Height))

@@ -26,6 +26,7 @@ from gloc3_onboard.algorithms.fusion.inertial_motion import InertialMotion
 from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, level_of, matrix_of, place, relative
 from gloc3_onboard.algorithms.fusion.odometers import OdometerReport
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
+from gloc3_onboard.algorithms.fusion.source_record import Record
 from gloc3_onboard.algorithms.fusion.source_reports import SourceReports
 from gloc3_onboard.algorithms.fusion.trust import Trust
 
@@ -320,3 +321,18 @@ def test_what_a_level_odometer_does_not_know_of_the_height_does_not_hide_its_mot
         )
         reports.book(OdometerReport(message, t_s, covariance), inertial.now)
     assert float(vote.record("laser").covariance[:2, :2].max()) < 1e-4
+
+
+def test_a_motion_is_known_no_better_than_where_it_began() -> None:
+    """A laser on the floor sees no walls: what its first reports drift by is not known later, when it sees them well."""
+    record = Record()
+    record.add(0.0, (0.0, 0.0, 0.0), np.eye(3) * 1e6)
+    record.add(0.5, (0.0, -0.7, 0.0), np.eye(3) * 1e-4)  # the same reference, seen well
+    record.add(1.0, (0.0, 0.0, 0.0), np.eye(3) * 1e-4)
+    by_m, spread = record.over(0.0)
+    assert by_m == pytest.approx((0.0, -0.7, 0.0))
+    assert spread.diagonal().min() > 1e5
+    assert record.spread(0.5).diagonal().max() < 1e-3
+    found = record.between(0.0, 1.0)
+    assert found is not None
+    assert found[1].diagonal().min() > 1e5

@@ -8,6 +8,22 @@ FENCE = "{polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}"
 UP = "depart: {actions: {climb: {take_off: {height_m: 1.5}}}}"
 DOWN = "recover: {after: [sweep], actions: {down: {land: {}}}}"
 OUT = "follow_waypoints: {waypoints_m: [[8, 0, 1.5]], speed_m_s: 1.0}"
+PHOTOGRAPHED = """\
+mission: up
+frame: hold
+geofence: {polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}
+on_failure: land
+on_link_loss: land
+on_low_battery: land
+on_pose_lost: land
+tasks:
+  up:
+    actions:
+      climb: {take_off: {height_m: 0.5}}
+      photos: {record_images: {camera: front_left, every_s: 1}, until: down}
+      down: {land: {}, after: [climb]}
+"""
+"""A hop in the hold with pictures of the front camera."""
 
 
 def mission(sweep: str = "{out: {" + OUT + "}}", *, options: str = "", fence: str = FENCE, **policies: Any) -> str:

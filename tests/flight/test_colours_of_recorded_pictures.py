@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.flight.card import ONE_STYLE, Card
+from tests.flight.missions import PHOTOGRAPHED
 
 from gloc3.messages.command_interface import CallFunction, Outcome
 from gloc3.messages.envelope import Envelope
@@ -16,21 +17,6 @@ from gloc3_sitl.world.tinter import Tinter
 
 pytestmark = [pytest.mark.flight, ONE_STYLE]
 
-UP = """\
-mission: up
-frame: hold
-geofence: {polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}
-on_failure: land
-on_link_loss: land
-on_low_battery: land
-on_pose_lost: land
-tasks:
-  up:
-    actions:
-      climb: {take_off: {height_m: 0.5}}
-      photos: {record_images: {camera: front_left, every_s: 1}, until: down}
-      down: {land: {}, after: [climb]}
-"""
 LOGGED = """\
 platform: pelican
 extends: pelican
@@ -55,7 +41,7 @@ def tinted(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def test_the_recorded_pictures_are_in_colour_and_no_others_are_coloured(
     flight: Card, tmp_path: Path, tinted: list[float]
 ) -> None:
-    flight.begin(UP, platform="pelican", out=tmp_path)
+    flight.begin(PHOTOGRAPHED, platform="pelican", out=tmp_path)
     flight.await_state("up", "done", 60.0)
     files = sorted((tmp_path / "images").glob("*.jpg"))
     assert len(files) > 3
@@ -69,7 +55,7 @@ def test_pictures_that_the_log_records_are_coloured_when_they_are_taken(
     flight: Card, tmp_path: Path, tinted: list[float]
 ) -> None:
     (tmp_path / "logged.yaml").write_text(LOGGED)
-    flight.begin(UP, platform=str(tmp_path / "logged.yaml"), out=tmp_path)
+    flight.begin(PHOTOGRAPHED, platform=str(tmp_path / "logged.yaml"), out=tmp_path)
     seen: dict[str, list[bool]] = {}
 
     def see(envelope: Envelope[Any]) -> None:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import msgspec
+from tests.flight.missions import PHOTOGRAPHED
 
 from gloc3.log.reader import LogReader
 from gloc3.mission.examples import example_missions
@@ -60,25 +61,8 @@ def test_one_seed_gives_one_log_in_any_process_and_another_seed_another_flight(s
     assert truth(one) != truth(other)
 
 
-UP = """\
-mission: up
-frame: hold
-geofence: {polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}
-on_failure: land
-on_link_loss: land
-on_low_battery: land
-on_pose_lost: land
-tasks:
-  up:
-    actions:
-      climb: {take_off: {height_m: 0.5}}
-      photos: {record_images: {camera: front_left, every_s: 1}, until: down}
-      down: {land: {}, after: [climb]}
-"""
-
-
 def test_what_cameras_and_scanner_see_and_all_that_is_made_of_it_is_the_same_in_any_process(tmp_path: Path) -> None:
-    (tmp_path / "up.yaml").write_text(UP)
+    (tmp_path / "up.yaml").write_text(PHOTOGRAPHED)
     options = ("--platform", "pelican", *faults("device:stereo_camera=garbage@5..6", "crash:pose@7"))
     one, same = (
         fly(tmp_path / name, *options, mission=str(tmp_path / "up.yaml"), hash_seed=seed)

@@ -273,11 +273,11 @@ class MissionHost:
 
     def _is_held(self, autopilot: AutopilotState | None, now_s: float) -> bool:
         """Whether the vehicle holds; a diver also in a mode of a pilot who is not there: ArduSub's failsafe ends in one."""
-        if autopilot is None or autopilot.mode is FlightMode.HOLD:
-            return autopilot is not None
+        if autopilot is None:
+            return False
         is_left = autopilot.vehicle is VehicleClass.SUB and autopilot.mode is FlightMode.MANUAL
         is_alone = not autopilot.has_transmitter and now_s - self._control.others_received_s() >= UNATTENDED_S
-        return is_left and is_alone
+        return autopilot.mode is FlightMode.HOLD or (is_left and is_alone)
 
     def operated(self, executor: MissionExecutor, what: str, now_s: float) -> None:
         """An operator has commanded the autopilot itself: `station 255 sent return`."""

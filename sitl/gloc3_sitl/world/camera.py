@@ -48,6 +48,7 @@ class SimulatedCamera:
         self.is_coloured = False
         """Whether it takes pictures in colour; the grey values are the same."""
         self._taken: deque[tuple[bytes, Truth]] = deque(maxlen=_KEPT)
+        """The grey values of the last pictures, and what they were taken from."""
 
     def pose(self, truth: Truth) -> tuple[Quaternion, Vector3]:
         """`local_from_rdf` and the optical centre as `[x, y, height]`."""

@@ -78,6 +78,7 @@ class PoseFusion:
         self._heights_off_m = (0.0, 0.0)
         """By how much the first of the heights that lead away from the floor was off, and the last one."""
         self._height_m = nan
+        """The last height."""
         settings = self.settings
         if settings.start_ned_m is not None and settings.start_heading_deg is not None:
             heading = from_yaw(np.radians(settings.start_heading_deg))

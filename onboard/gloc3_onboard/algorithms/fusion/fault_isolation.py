@@ -33,7 +33,8 @@ _CHI2_AGAIN: Final = 7.81
 _SEPARATED: Final = (0.25, 1.0)
 """The windows in which one source is left out: errors that begin, and errors that stay."""
 _COARSE_M2: Final = 0.1**2
-"""Sources that are left and do not know better than that tell a doubt only beyond two standard deviations."""
+"""A source that knows no direction better than that tells a doubt only where it contradicts another one; along a direction that
+those that are left do not know better, they tell it only beyond two standard deviations."""
 _FLOOR_M2: Final = 0.004**2
 _NOTHING: Final = np.zeros((3, 3))
 _CONFIRM: Final = 2
@@ -174,6 +175,7 @@ class FaultIsolation:
         for share in _SEPARATED:
             begin_s = now_s - share * self._window_s
             able = [name for name in names if self._known(name, begin_s, now_s)]
+            able = [name for name in able if np.linalg.eigvalsh(self.records[name].spread(begin_s))[0] < _COARSE_M2]
             if len(able) < 2:
                 continue
             turned_m2 = self._turned_m2(begin_s)

@@ -4,7 +4,7 @@ from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterator
 from itertools import islice
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -23,25 +23,6 @@ BLIND_M2: Final = 0.5**2
 _NOTHING: Final = np.zeros((3, 3))
 
 
-class _Sum(NamedTuple):
-    """What has been reported up to a report."""
-
-    x: float
-    y: float
-    z: float
-    """Of the excess, in NED."""
-    references: Matrix
-    """Sum of the covariances of the last report from each reference before."""
-    covariance: Matrix
-    """Of the report itself, in its axes."""
-    ned_from_axes: Quaternion
-
-    def in_ned(self) -> Matrix:
-        """Covariance of the report itself, (3, 3)."""
-        axes = matrix_of(self.ned_from_axes)
-        return np.asarray(axes @ self.covariance @ axes.T, np.float64)
-
-
 class Record:
     """The motion that one source has reported."""
 
@@ -49,9 +30,11 @@ class Record:
         self.is_of_places = False
         """Whether it is reported in NED, not in body axes, which depend on the estimated attitude."""
         self._times: deque[float] = deque(maxlen=_KEPT)
-        self._sums: deque[_Sum] = deque(maxlen=_KEPT)
+        self._sums: deque[tuple[float, float, float, Matrix]] = deque(maxlen=_KEPT)
+        """Of the excess; and of the covariances, each that of the last report from a reference."""
+        self._covariance: Matrix = np.eye(3)
+        self._axes: Quaternion = IDENTITY
         self._spread: Matrix | None = None
-        """Covariance of the last report, in NED, once it is asked for."""
         self._pulls: deque[tuple[float, Vector3]] = deque(maxlen=_KEPT)
 
     def add(
@@ -64,13 +47,13 @@ class Record:
         is_new_reference: bool = False,
     ) -> None:
         """Adds a report: its motion less the estimated one, and the covariance (3, 3) of its end, in some axes."""
-        x, y, z, spread = self._sums[-1][:4] if self._sums else (0.0, 0.0, 0.0, _NOTHING)
+        x, y, z, spread = self._sums[-1] if self._sums else (0.0, 0.0, 0.0, _NOTHING)
         if is_new_reference and self._sums:
             spread = spread + self.covariance
         self._times.append(t_s)
         ex, ey, ez = excess_ned_m
-        self._sums.append(_Sum(x + ex, y + ey, z + ez, spread, covariance, ned_from_axes))
-        self._spread = None
+        self._sums.append((x + ex, y + ey, z + ez, spread))
+        self._covariance, self._axes, self._spread = covariance, ned_from_axes, None
 
     def pull(self, moved_m: Vector3, t_s: float) -> None:
         """Records how far an absolute position has moved the estimate."""
@@ -96,13 +79,13 @@ class Record:
 
     def over(self, begin_s: float) -> tuple[Vector3, Matrix]:
         """Sum of the excess since a time, and its covariance (3, 3) in NED, with a part for each reference."""
-        begin, end = self._sums[self._first(begin_s)], self._sums[-1]
-        return (end.x - begin.x, end.y - begin.y, end.z - begin.z), self.spread(begin_s)
+        bx, by, bz, _ = self._sums[self._first(begin_s)]
+        x, y, z, _ = self._sums[-1]
+        return (x - bx, y - by, z - bz), self.spread(begin_s)
 
     def spread(self, begin_s: float) -> Matrix:
-        """Covariance (3, 3) of the motion since a time, in NED: of the reports at both ends, and of the references between."""
-        begin = self._sums[self._first(begin_s)]
-        return begin.in_ned() + self.covariance + (self._sums[-1].references - begin.references)
+        """Covariance (3, 3) of the motion since a time, in NED."""
+        return 2.0 * self.covariance + (self._sums[-1][3] - self._sums[self._first(begin_s)][3])
 
     def _first(self, begin_s: float) -> int:
         """The last report at a time."""
@@ -122,19 +105,17 @@ class Record:
         Returns:
             None where there is no report about one of them.
         """
-        sums, counts, ends = [], [], []
+        sums, counts = [], []
         for t_s in (begin_s, end_s):
             first, last = (bisect_left(self._times, t_s + by_s) for by_s in (-_ABOUT_S, _ABOUT_S))
             if first == last or self._times[-1] < t_s:
                 return None
             sums.append(_mean(islice(self._sums, first, last)))
             counts.append(last - first)
-            ends.append(self._sums[self._first(t_s)])
-        references = ends[1].references - ends[0].references
+        references = self._sums[self._first(end_s)][3] - self._sums[self._first(begin_s)][3]
         # Errors of positions are independent; those of one reference's reports are not.
-        shares = [1.0 / count if self.is_of_places else 1.0 for count in counts]
-        own = shares[0] * ends[0].in_ned() + shares[1] * ends[1].in_ned()
-        return sums[1] - sums[0], own + references
+        share = 1.0 / counts[0] + 1.0 / counts[1] if self.is_of_places else 2.0
+        return sums[1] - sums[0], share * self.covariance + references
 
     @property
     def sees_vertical(self) -> bool:
@@ -145,10 +126,11 @@ class Record:
     def covariance(self) -> Matrix:
         """Covariance of the last report's end, (3, 3), in NED."""
         if self._spread is None:
-            self._spread = self._sums[-1].in_ned() if self._sums else np.eye(3)
+            axes = matrix_of(self._axes)
+            self._spread = axes @ self._covariance @ axes.T
         return self._spread
 
 
-def _mean(sums: Iterator[_Sum]) -> Matrix:
-    rows = [one[:3] for one in sums]
+def _mean(sums: Iterator[tuple[float, float, float, Matrix]]) -> Matrix:
+    rows = [(x, y, z) for x, y, z, _ in sums]
     return np.array([sum(column) / len(rows) for column in zip(*rows, strict=True)])

@@ -26,7 +26,6 @@ from gloc3_onboard.algorithms.fusion.inertial_motion import InertialMotion
 from gloc3_onboard.algorithms.fusion.measurements import Measured, covariance_of, level_of, matrix_of, place, relative
 from gloc3_onboard.algorithms.fusion.odometers import OdometerReport
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
-from gloc3_onboard.algorithms.fusion.source_record import Record
 from gloc3_onboard.algorithms.fusion.source_reports import SourceReports
 from gloc3_onboard.algorithms.fusion.trust import Trust
 
@@ -266,13 +265,17 @@ def test_who_told_of_a_part_of_the_way_that_he_was_uncertain_there_is_not_held_t
 
 
 def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
-    def separation(drift_m_s: float, names: tuple[str, ...] = ("a", "b", "c"), std_m: float = 0.005) -> Vector3:
+    def separation(
+        drift_m_s: float,
+        names: tuple[str, ...] = ("a", "b", "c"),
+        std_m: Vector3 = (0.005, 0.005, 0.005),
+    ) -> Vector3:
         vote, rng = FaultIsolation(6.0, 0.01, InertialMotion(4e-3)), np.random.default_rng(1)
         for name in names:
             noise = rng.normal(size=61) * 0.005
             for i in range(60):
                 excess = (float(noise[i + 1] - noise[i]) + (0.0 if name == "a" else drift_m_s * 0.1), 0.0, 0.0)
-                vote.record(name).add(i * 0.1, excess, np.eye(3) * std_m**2)
+                vote.record(name).add(i * 0.1, excess, np.diag(np.square(std_m)))
         vote.update(dict.fromkeys(names, True), (0.0, 0.0, 0.0), 0.0, 5.9)
         return vote.separation(list(names), 5.9)
 
@@ -281,9 +284,12 @@ def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
     assert north == pytest.approx(0.12, abs=0.02)
     assert (east, down) == (0.0, 0.0)
     assert separation(-0.02, ("b",)) == (0.0, 0.0, 0.0), "with one there is nobody to compare with"
-    # Two that are left and know the motion to 0.4 m: at 1.5 of that they say nothing, at 3 they do.
-    assert separation(-0.1, std_m=0.4) == (0.0, 0.0, 0.0)
-    assert separation(-0.2, std_m=0.4)[0] > 0.5
+    # Two that are left and know the motion north to 0.4 m: at 1.5 of that they say nothing, at 3 they do.
+    assert separation(-0.1, std_m=(0.4, 0.005, 0.005)) == (0.0, 0.0, 0.0)
+    assert separation(-0.2, std_m=(0.4, 0.005, 0.005))[0] > 0.5
+    # Those that know nothing better than that, as a laser on the floor, say it only where they contradict one another.
+    assert separation(-0.2, std_m=(0.2, 0.2, 0.2)) == (0.0, 0.0, 0.0)
+    assert separation(-0.4, std_m=(0.2, 0.2, 0.2))[0] > 2.0
 
 
 def test_two_that_say_together_that_the_body_is_elsewhere_are_heard_and_two_that_say_different_things_are_not() -> None:
@@ -321,18 +327,3 @@ def test_what_a_level_odometer_does_not_know_of_the_height_does_not_hide_its_mot
         )
         reports.book(OdometerReport(message, t_s, covariance), inertial.now)
     assert float(vote.record("laser").covariance[:2, :2].max()) < 1e-4
-
-
-def test_a_motion_is_known_no_better_than_where_it_began() -> None:
-    """A laser on the floor sees no walls: what its first reports drift by is not known later, when it sees them well."""
-    record = Record()
-    record.add(0.0, (0.0, 0.0, 0.0), np.eye(3) * 1e6)
-    record.add(0.5, (0.0, -0.7, 0.0), np.eye(3) * 1e-4)  # the same reference, seen well
-    record.add(1.0, (0.0, 0.0, 0.0), np.eye(3) * 1e-4)
-    by_m, spread = record.over(0.0)
-    assert by_m == pytest.approx((0.0, -0.7, 0.0))
-    assert spread.diagonal().min() > 1e5
-    assert record.spread(0.5).diagonal().max() < 1e-3
-    found = record.between(0.0, 1.0)
-    assert found is not None
-    assert found[1].diagonal().min() > 1e5

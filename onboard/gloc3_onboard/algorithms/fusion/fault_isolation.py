@@ -159,7 +159,7 @@ class FaultIsolation:
     def separation(self, names: list[str], now_s: float, *, is_strict: bool = False) -> Vector3:
         """How far the position would be from its estimate if any one or two sources were left out, along each axis, m.
 
-        This is solution separation, as satellite navigation monitors its integrity: whichever source is wrong, the others
+        Where there is but one, it is how far that one says: it may be right although it does not pass the gate. This is solution separation, as satellite navigation monitors its integrity: whichever source is wrong, the others
         say how far it has moved the estimate. What their covariances explain is not counted.
 
         Args:
@@ -176,7 +176,7 @@ class FaultIsolation:
             begin_s = now_s - share * self._window_s
             able = [name for name in names if self._known(name, begin_s, now_s)]
             able = [name for name in able if np.linalg.eigvalsh(self.records[name].spread(begin_s))[0] < _COARSE_M2]
-            if len(able) < 2:
+            if not able:
                 continue
             turned_m2 = self._turned_m2(begin_s)
             records = [self.records[name] for name in able]
@@ -185,7 +185,7 @@ class FaultIsolation:
             weights = np.asarray(np.linalg.inv(spreads), np.float64)
             moved_m = np.array([record.mean_over(begin_s) for record in records]) - self._motion.corrected(begin_s)[0]
             weighted = np.einsum("nij,nj->ni", weights, moved_m)
-            one = 1.0 - np.eye(len(able))
+            one = 1.0 - np.eye(len(able)) if len(able) > 1 else np.ones((1, 1))
             weight, moved = self._inertial if share == _SEPARATED[0] else (_NOTHING, np.zeros(3))
             variances, squares = _without(one, weights, weighted, weight, moved)
             if is_strict:

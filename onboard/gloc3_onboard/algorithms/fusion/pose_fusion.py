@@ -276,6 +276,7 @@ class PoseFusion:
             return
         rows = self.estimate.rows(measured, past, report.source)
         if self._judge(trust, measured, rows, past, report):
+            self._voting.doubt_gap(report.source)
             self._voting.hold(t_s)
         elif trust.is_out_of_step:
             self._odometers.rebase(report)

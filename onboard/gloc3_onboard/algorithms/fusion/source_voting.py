@@ -33,8 +33,27 @@ _FALLEN_M: Final = 0.3
 """Possible error of the height once nothing that measures it passes."""
 _FLOOR_M: Final = 0.1
 """Another floor stays as far from the one before; where the distance changes by more, it is the estimate that moves."""
+_LONE: Final = 2.0
+"""An odometer that is left alone may be wrong by so many times the error of scale with which it would still agree with others."""
 _ARGUED_S: Final = 3.0
 """Where sources contradict each other for longer, the vehicle had better hold."""
+
+
+class LoneWay:
+    """The way since a place, and the error of scale that has been claimed for it."""
+
+    def __init__(self, begin_ned_m: Vector3) -> None:
+        self._begin_ned_m = begin_ned_m
+        self._claimed_m2 = np.zeros(3)
+
+    def grow(self, place_ned_m: Vector3, scale_std: float) -> Vector3:
+        """By how much more the position is uncertain along each axis, m, as a standard deviation beside that before."""
+        # The same error for the whole way: the variance grows as (s d)^2; a way back takes nothing away.
+        square_m2 = (scale_std * np.subtract(place_ned_m, self._begin_ned_m)) ** 2
+        more_m2 = np.maximum(square_m2 - self._claimed_m2, 0.0)
+        self._claimed_m2 += more_m2
+        north, east, down = np.sqrt(more_m2).tolist()
+        return north, east, down
 
 
 class SourceVoting:
@@ -83,6 +102,8 @@ class SourceVoting:
         """Sources of positions that are used again after they were turned down."""
         self._doubtful_s = float("-inf")
         """When the position was last held by no two sources of positions of which one has always been right."""
+        self._lone: LoneWay | None = None
+        """The way that only one odometer has held."""
         self._voted_s = float("-inf")
         self._distrusted_s = float("-inf")
         """When the estimate's motion was last doubted."""
@@ -175,6 +196,7 @@ class SourceVoting:
         self._check_stuck(now_s)
         self._separate(now_s)
         self._confirm_reference(now_s)
+        self._claim_scale()
 
     def _acquit(self) -> None:
         """Uses again all that were voted out on the word of the inertial unit, which is wrong itself."""
@@ -225,6 +247,28 @@ class SourceVoting:
         is_held = any(self.isolation.records[name].is_of_places and self.trust[name].is_used for name in doubted)
         is_faulty = any(self.trust[name].is_turned_down for name in self.isolation.records)
         self._estimate.separation_m = self.isolation.separation(doubted, now_s, is_strict=is_faulty and not is_held)
+
+    def doubt_gap(self, source: str) -> None:
+        """Doubts the position by what an odometer that comes back has reported else while nothing held the position."""
+        record = self.isolation.records.get(source)
+        if (
+            record is not None
+            and self._estimate.t_s - self.held_s > VOTE_S
+            and record.is_about(self.held_s, self._estimate.t_s)
+        ):
+            north, east, down = record.over(self.held_s)[0]
+            self._estimate.inflate_position((north, east, down))
+
+    def _claim_scale(self) -> None:
+        """Claims an error of scale for the way of an odometer that is left alone: nothing shows it any more."""
+        holding = self.witnesses
+        if len(holding) != 1 or len(self.isolation.records) < 2 or self.isolation.records[holding[0]].is_of_places:
+            self._lone = None
+            return
+        place = self._estimate.inertial.now.position_ned_m
+        if self._lone is None:
+            self._lone = LoneWay(place)
+        self._estimate.inflate_position(self._lone.grow(place, _LONE * self._settings.odometer_scale_std))
 
     @staticmethod
     def _may_be_right(trust: Trust) -> bool:

@@ -283,7 +283,7 @@ def test_what_leaving_one_out_would_change_is_told_and_noise_is_not() -> None:
     north, east, down = separation(-0.02)
     assert north == pytest.approx(0.12, abs=0.02)
     assert (east, down) == (0.0, 0.0)
-    assert separation(-0.02, ("b",)) == (0.0, 0.0, 0.0), "with one there is nobody to compare with"
+    assert separation(-0.02, ("b",))[0] == pytest.approx(0.12, abs=0.02), "where there is one, what it says alone"
     # Two that are left and know the motion north to 0.4 m: at 1.5 of that they say nothing, at 3 they do.
     assert separation(-0.1, std_m=(0.4, 0.005, 0.005)) == (0.0, 0.0, 0.0)
     assert separation(-0.2, std_m=(0.4, 0.005, 0.005))[0] > 0.5

@@ -1,10 +1,12 @@
 """`gloc3 sitl --firmware`: what is started and how, with a stand-in for the firmware, and what is refused."""
 
 import asyncio
+import fcntl
 import json
 import os
 import socket
 import sys
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,14 @@ from gloc3_sitl.world import World
 
 ROOT = Path(stand_in.__file__).parents[3]
 PX4_PORT = 4563
+
+
+@pytest.fixture
+def alone_on_px4_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """PX4 has ten ports, and computes its own: of all processes that test, one at a time uses it."""
+    with (tmp_path_factory.getbasetemp().parent / "px4-port").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def program(folder: Path, kind: str) -> Path:
@@ -97,6 +107,7 @@ async def test_ardupilot_is_started_with_its_parameters_links_and_home_and_ended
 
 
 @pytest.mark.sockets
+@pytest.mark.usefixtures("alone_on_px4_port")
 async def test_px4_is_started_with_its_parameters_and_flies_in_lock_step(tmp_path: Path) -> None:
     code = await run_firmware(
         options("px4", binary=program(tmp_path, "px4"), parameters={"NAV_DLL_ACT": 0.0}, out=tmp_path, no_gps=True)
@@ -111,6 +122,7 @@ async def test_px4_is_started_with_its_parameters_and_flies_in_lock_step(tmp_pat
 
 
 @pytest.mark.sockets
+@pytest.mark.usefixtures("alone_on_px4_port")
 async def test_a_parameter_that_px4_does_not_have_is_an_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -120,6 +132,7 @@ async def test_a_parameter_that_px4_does_not_have_is_an_error(
 
 
 @pytest.mark.sockets
+@pytest.mark.usefixtures("alone_on_px4_port")
 async def test_a_build_tree_s_px4_gets_its_root_file_system(tmp_path: Path) -> None:
     (tmp_path / "build" / "bin").mkdir(parents=True)
     binary = program(tmp_path / "build" / "bin", "px4")

@@ -5,7 +5,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gloc3.messages.frames import Quaternion, Vector3, conjugate, multiply, rotate, rotate_back, to_rotation_vector
+from gloc3.messages.frames import (
+    Quaternion,
+    Vector3,
+    conjugate,
+    multiply,
+    rotate,
+    rotate_back,
+    to_rotation_vector,
+    wrap_pi,
+    yaw_of,
+)
 from gloc3_onboard.algorithms.fusion.error_state import Matrix, skew
 
 UNKNOWN_FROM: Final = 1e3
@@ -97,6 +107,12 @@ def relative(
         gradient = heading_gradient(attitude_then)
         by_reference[:3, 3:] = _outer(rotate_back(axes, (shift[1], -shift[0], 0.0)), gradient)
         by_reference[3:, 3:] = _outer(rotate_back(attitude, (0.0, 0.0, -1.0)), gradient)
+        if min(covariance[3, 3], covariance[4, 4]) >= UNKNOWN_FROM:
+            # Heading alone: where the body leans, errors of a roll and pitch that were not measured turn it about its own
+            # down axis, but not its heading. Row 5: psi_z - (psi_R - psi_A) with the headings' gradients.
+            residual[5] = wrap_pi(yaw_of(reported[1]) - yaw_of(turned))
+            by_pose[5, 3:] = heading_gradient(attitude)
+            by_reference[5, 3:] = np.negative(gradient)
     else:
         by_reference[:3, 3:] = back @ skew(shift)
         by_reference[3:, 3:] = -body

@@ -63,8 +63,11 @@ def test_the_past_is_asked_as_it_is_believed_after_a_correction() -> None:
     assert not inertial.covers(1.1)
 
 
-@pytest.mark.parametrize("is_level", [False, True])
-def test_the_jacobian_of_a_motion_is_that_of_its_differences(is_level: bool) -> None:
+LEANS_UNKNOWN = np.diag([1.0, 1.0, 1.0, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE, 1.0])
+
+
+@pytest.mark.parametrize(("is_level", "covariance"), [(False, np.eye(6)), (True, np.eye(6)), (True, LEANS_UNKNOWN)])
+def test_the_jacobian_of_a_motion_is_that_of_its_differences(is_level: bool, covariance: np.ndarray) -> None:
     then = ((1.0, 2.0, -1.0), from_euler(0.1, -0.2, 0.7))
     now = ((1.6, 1.5, -1.2), from_euler(-0.05, 0.1, 1.0))
 
@@ -76,7 +79,7 @@ def test_the_jacobian_of_a_motion_is_that_of_its_differences(is_level: bool) -> 
     def measured(error: np.ndarray) -> Measured:
         axes = from_yaw(yaw_of(then[1])) if is_level else then[1]
         is_reported = reported(moved(then, error[6:]), moved(now, error[:6]))
-        found = relative(then, axes, now, is_reported, np.eye(6), is_level=is_level)
+        found = relative(then, axes, now, is_reported, covariance, is_level=is_level)
         assert found is not None
         return found
 
@@ -88,6 +91,16 @@ def test_the_jacobian_of_a_motion_is_that_of_its_differences(is_level: bool) -> 
         error = np.zeros(12)
         error[i] = 1e-6
         assert np.allclose(measured(error).residual / 1e-6, jacobian[:, i], atol=1e-4)
+
+
+def test_the_heading_of_an_odometer_that_measures_no_roll_and_pitch_does_not_depend_on_those_that_it_takes() -> None:
+    """It levels its scans by the autopilot's attitude, which leans by its accelerometers' bias."""
+    pose = ((0.0, 0.0, -1.0), from_euler(0.15, -0.1, 0.7))
+    axes, taken = from_yaw(0.2), from_euler(0.156, -0.107, 0.5)
+    found = relative(pose, axes, pose, ((0.0, 0.0, 0.0), taken), LEANS_UNKNOWN, is_level=True)
+    assert found is not None
+    assert found.degrees == 4
+    assert found.residual == pytest.approx([0.0, 0.0, 0.0, 0.0], abs=1e-12)
 
 
 def test_the_jacobian_of_a_position_has_the_lever_of_the_lamp() -> None:

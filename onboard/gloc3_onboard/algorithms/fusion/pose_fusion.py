@@ -28,6 +28,8 @@ _HEIGHT_PERIOD_S: Final = 0.09
 """More often a height is not worth its cost."""
 _LEAP_M: Final = 0.1
 """Heights that differ by more from one to the next do not lead anywhere."""
+_LEVEL_M: Final = 2.0
+"""Over so long a way no range to the floor stays the same to the last digit."""
 _NEW_FLOOR: Final = 15
 """So many heights in a row that do not fit the floor are another floor: a box, a step."""
 _STAND_S: Final = 0.1
@@ -358,7 +360,10 @@ class PoseFusion:
             return
         estimate, variance = self.estimate, self.settings.height_std_m**2
         past = estimate.past(t_s)
-        down = past.state.position_ned_m[2]
+        north, east, down = past.state.position_ned_m
+        if trust.is_frozen((message.height_m,), (north, east, 0.0), is_moving=False, least_m=_LEVEL_M):
+            trust.turn_down("frozen: the same height again and again")
+            return
         reported = height_over(message.height_m, past.state.ned_from_frd, is_slant=self.settings.is_height_slant)
         is_new_floor = self._height_misses >= _NEW_FLOOR and not self._voting.is_disputed
         if estimate.floor_down_m is None or is_new_floor:

@@ -182,13 +182,20 @@ class Trust:
         self.innovation = 1.0
         self._good_since_s = None
 
-    def is_frozen(self, numbers: tuple[float, ...], position: tuple[float, float, float], is_moving: bool) -> bool:
+    def is_frozen(
+        self,
+        numbers: tuple[float, ...],
+        position: tuple[float, float, float],
+        is_moving: bool,
+        least_m: float = 0.015,
+    ) -> bool:
         """Whether it repeats the same numbers although the body has moved.
 
         Args:
             numbers: the present report.
             position: estimated position of the body.
             is_moving: whether the inertial unit measures motion.
+            least_m: over a longer way it cannot but report other numbers.
         """
         if numbers != self._last:
             self._last, self._same, self._same_since = numbers, 1, position
@@ -197,7 +204,7 @@ class Trust:
         if self._same < _SAME:
             return False
         moved_m2 = sum((a - b) ** 2 for a, b in zip(position, self._same_since, strict=True))
-        return moved_m2 > 0.015**2 or (is_moving and self._same >= 5 * _SAME)
+        return moved_m2 > least_m**2 or (is_moving and self._same >= 5 * _SAME)
 
     def state(self) -> SourceState:
         """Its state, as a message."""

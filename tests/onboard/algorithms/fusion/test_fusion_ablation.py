@@ -211,6 +211,17 @@ def test_a_floor_that_moves_away_is_none_but_an_estimate_that_falls(platform: st
     assert flown.worst_m(14.0) < 0.1
 
 
+def test_a_range_to_the_floor_that_stays_the_same_over_two_metres_is_frozen() -> None:
+    """While it is believed, the pose keeps its height, and a vehicle with wrong accelerometers climbs away."""
+    sensors = sensors_of("hummingbird", 0)
+    sensors[-1].fault, sensors[-1].fault_s = "frozen", (12.0, 16.0)
+    flown = fly(inspection(), sensors, until_s=20.0)
+    without = [t_s for t_s, pose in zip(flown.t_s, flown.poses, strict=True) if "height" not in pose.sources]
+    assert 13.0 < without[0] < 16.0
+    assert without[-1] < 18.0
+    assert flown.worst_m() < 0.06
+
+
 @pytest.mark.parametrize("fault", ["garbage", "frozen"])
 def test_a_range_finder_that_is_broken_does_not_shake_an_estimate_that_nothing_else_contradicts(fault: str) -> None:
     sensors = level_sensors("pelican")

@@ -159,8 +159,9 @@ class FaultIsolation:
     def separation(self, names: list[str], now_s: float, *, is_strict: bool = False) -> Vector3:
         """How far the position would be from its estimate if any one or two sources were left out, along each axis, m.
 
-        Where there is but one, it is how far that one says: it may be right although it does not pass the gate. This is solution separation, as satellite navigation monitors its integrity: whichever source is wrong, the others
-        say how far it has moved the estimate. What their covariances explain is not counted.
+        This is solution separation, as satellite navigation monitors its integrity: whichever source is wrong, the others
+        say how far it has moved the estimate. What their covariances explain is not counted. A single source says it alone:
+        it may be right although it does not pass the gate.
 
         Args:
             names: the sources that are used, or may be right.

@@ -44,7 +44,8 @@ def test_with_any_two_of_its_sources_gone_the_pose_is_good_and_says_that_it_rest
     assert found.worst_m < 0.1
     assert found.valid_share == 1.0
     assert found.is_let_in
-    assert found.least_quality == pytest.approx(0.8 if "height" in names else 0.5, abs=0.03)
+    is_lone = "tracker" in names and "height" not in names  # an odometer, whose error of scale is claimed for its way
+    assert found.least_quality == pytest.approx(0.8 if "height" in names else 0.5, abs=0.03 if is_lone else 0.02)
 
 
 @pytest.mark.parametrize("fault", ["frozen", "scale", "old"])

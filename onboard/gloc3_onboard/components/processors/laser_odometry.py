@@ -22,6 +22,8 @@ SOURCE: Final = "laser"
 ATTITUDE_GAP_S: Final = 0.15
 """An attitude that is older than this at the time of a scan does not count."""
 HEIGHT_GAP_S: Final = 0.3
+TILT_STD_RAD: Final = 0.005
+"""Of the roll and pitch by which a scan is levelled: accelerometers that are off by 0.05 m/s² lean an attitude by that."""
 SHARED: Final = 0.9
 DRIFT: Final = 0.2
 """What is wrong with a scan is wrong with the next, too; but scans are fitted into a map, and their errors do not add up:
@@ -147,6 +149,8 @@ def odometry_of(found: LaserMotion, roll_rad: float, pitch_rad: float) -> Odomet
     for row, values in zip(reported, found.covariance.tolist(), strict=True):
         for column, value in zip(reported, values, strict=True):
             rows[row][column] = value
+    # The error of roll or pitch turns a levelled scan about the leaning axis, whose share along down is the sine of the lean.
+    rows[5][5] += (TILT_STD_RAD * math.hypot(math.sin(roll_rad), math.sin(pitch_rad))) ** 2
     return Odometry(
         source=SOURCE,
         reference_t_s=found.reference_t_s,

@@ -1,6 +1,6 @@
 """The components around the laser odometer and the obstacles."""
 
-from math import inf, pi
+from math import inf, pi, sin
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,14 @@ from gloc3.component.ports import PortReport, inbox_of
 from gloc3.messages.frames import from_euler
 from gloc3.messages.perception import UNKNOWN_VARIANCE, Odometry
 from gloc3.messages.vehicle import NOT_MEASURED_M, OBSTACLE_SECTORS, HeightAboveGround, ObstacleScan
+from gloc3_onboard.algorithms.scan_matching.laser_odometer import LaserMotion
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
 from gloc3_onboard.algorithms.scan_matching.scan_points import Tilt
-from gloc3_onboard.components.processors.laser_odometry import LaserOdometryProcessor, LaserOdometrySettings
+from gloc3_onboard.components.processors.laser_odometry import (
+    LaserOdometryProcessor,
+    LaserOdometrySettings,
+    odometry_of,
+)
 from gloc3_onboard.components.processors.obstacles import ObstacleProcessor, ObstacleSettings
 
 SCANNER = Scanner(HOLD)
@@ -56,6 +61,13 @@ def test_scans_and_attitudes_become_odometry_in_the_plane(topic: str) -> None:
     assert list(variances[2:5]) == [UNKNOWN_VARIANCE] * 3
     assert variances[[0, 1, 5]].max() < 1e-3
     assert (component.scans, component.refused, component.degenerate) == (6, 1, 0)
+
+
+def test_the_heading_of_a_body_that_leans_is_less_certain_by_what_its_roll_and_pitch_may_be_off() -> None:
+    found = LaserMotion(t_s=1.0, reference_t_s=0.0, motion=Planar(), covariance=np.eye(3) * 1e-6, pose=Planar())
+    level, leaning = (odometry_of(found, roll, -roll).covariance[35] for roll in (0.0, 0.1))
+    assert level == pytest.approx(1e-6)
+    assert leaning == pytest.approx(1e-6 + 2.0 * (0.005 * sin(0.1)) ** 2)
 
 
 def test_without_an_attitude_or_a_scan_it_says_so_and_goes_on_afterwards() -> None:

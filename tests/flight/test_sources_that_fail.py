@@ -4,6 +4,7 @@ from itertools import pairwise
 from math import dist
 
 import pytest
+from tests.evidence.ablation import Row, fly, problems, rows_of
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 from tests.flight.test_flying_on_our_own_pose import errors_m
@@ -15,6 +16,18 @@ from gloc3_onboard.components.controllers.limiter import LimiterSettings
 
 pytestmark = pytest.mark.thorough
 
+ROWS = {
+    "pelican": (
+        "imu late, stamped as new, tracker late 200 ms",
+        "imu scale 5 %, stereo garbage, tracker removed",
+    ),
+    "hummingbird": (
+        "imu late, stamped as new",
+        "ground removed, height scale 5 %, stereo late, stamped as new",
+        "imu removed, stereo garbage, tracker step 0.2 m",
+    ),
+}
+"""Rows of the page in which the mission or the pose went wrong once, each of its own cause."""
 SWEEP = mission(
     "{out: {follow_waypoints: {waypoints_m: [[4, 0, 1.5], [4.7, 0.7, 1.8]], speed_m_s: 0.7}}}", on_pose_lost="land"
 )
@@ -45,6 +58,15 @@ def test_a_source_that_lies_leaves_the_pose_right_and_the_mission_done(flight: C
     assert source in poses[0].sources
     if source == "stereo":  # a scale of the inertial unit is found as its bias
         assert any(source not in pose.sources for pose in poses[:45]), "found within 1.5 s"
+
+
+@pytest.mark.parametrize("platform", sorted(ROWS))
+def test_what_went_wrong_on_the_page_goes_well(platform: str) -> None:
+    rows = {key: faults for key, faults in rows_of(platform).items() if key.partition(": ")[2] in ROWS[platform]}
+    assert len(rows) == len(ROWS[platform])
+    flown = dict[str, Row]()
+    fly(platform, rows, flown.__setitem__)
+    assert {key: wrong for key, row in flown.items() if (wrong := problems(row, rows[key]))} == {}
 
 
 @ONE_STYLE

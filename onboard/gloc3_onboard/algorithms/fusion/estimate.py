@@ -69,6 +69,9 @@ class PoseEstimate:
         them."""
         self.separation_m: Vector3 = (0.0, 0.0, 0.0)
         """How far the position would be from here along each axis if any one source were left out: reported, too."""
+        self.sunk_m = 0.0
+        """By how much heights that lead away from the floor contradict the position, where nothing else tells its height:
+        reported, too."""
         self.reference_m: Vector3 = (0.0, 0.0, 0.0)
         """How far the source of positions that is used now was from here when it came back from being turned down, along
         each axis: which of the two was wrong, no odometer can tell any more."""
@@ -348,7 +351,7 @@ class PoseEstimate:
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()
         doubts = zip(self.disputed_m, self.separation_m, self.reference_m, self._offset, strict=True)
         north, east, down = (a * a + b * b + c * c + left * left for a, b, c, left in doubts)
-        return (sqrt(n + north), sqrt(e + east), sqrt(d + down))
+        return (sqrt(n + north), sqrt(e + east), sqrt(d + down + self.sunk_m * self.sunk_m))
 
 
 def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Quaternion:

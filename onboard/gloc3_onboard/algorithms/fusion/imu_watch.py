@@ -45,7 +45,9 @@ class ImuWatch:
         self._blind_until_s = float("-inf")
         self._blind_s = _BLIND_S[0]
 
-    def add_sample(self, rate: Vector3, force: Vector3, t_s: float, now_s: float, trust: Trust) -> Mean | None:
+    def add_sample(
+        self, rate: Vector3, force: Vector3, t_s: float, now_s: float, estimated_s: float, trust: Trust
+    ) -> Mean | None:
         """Mean values since the last sample; None for an unusable sample.
 
         Args:
@@ -53,6 +55,7 @@ class ImuWatch:
             force: specific force, m/s².
             t_s: time of the sample.
             now_s: the time by other sources; a sample must not be far ahead of it.
+            estimated_s: the time to which the estimate has gone on, perhaps without the unit; a sample must be newer.
             trust: the record of the inertial unit.
         """
         is_ahead = self._last is not None and t_s > max(now_s, self._last_s) + _AHEAD_S
@@ -72,6 +75,11 @@ class ImuWatch:
         if self._same >= _RUN:
             trust.turn_down("frozen")
             self._good = 0
+        if gap_s > 0.0 and t_s <= estimated_s:
+            self._last_s = t_s
+            trust.refuse(f"late by {now_s - t_s:.2f} s")
+            self._good = 0
+            return None
         if gap_s <= 0.0 or self._good < (_SETTLED if trust.is_used else _RUN):
             return None
         self._last_s = t_s

@@ -18,8 +18,9 @@ from gloc3_onboard.algorithms.fusion.measurements import CHI2_999, Measured, cov
 from gloc3_onboard.algorithms.fusion.odometers import Odometers, read
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.source_reports import PlaceReport, Report, SourceReports
-from gloc3_onboard.algorithms.fusion.source_voting import HEIGHT, SourceVoting
+from gloc3_onboard.algorithms.fusion.source_voting import HEIGHT, LEADING_M, SourceVoting
 from gloc3_onboard.algorithms.fusion.trust import Trust
+from gloc3_onboard.algorithms.fusion.turn_witness import TurnWitness
 
 IMU, AUTOPILOT = "imu", "autopilot"
 _IMU_LOST_S: Final = 0.1
@@ -30,8 +31,9 @@ _LEAP_M: Final = 0.1
 """Heights that differ by more from one to the next do not lead anywhere."""
 _LEVEL_M: Final = 2.0
 """Over so long a way no range to the floor stays the same to the last digit."""
-_NEW_FLOOR: Final = 15
-"""So many heights in a row that do not fit the floor are another floor: a box, a step."""
+_NEW_FLOOR, _LEVEL_M_S = 15, 0.2
+"""So many heights in a row that do not fit the floor are another floor, a box, a step, where the vehicle does not climb or
+sink faster than the second: heights that are late fit none meanwhile."""
 _STAND_S: Final = 0.1
 """Interval of zero-motion updates for a body that has not moved yet, s."""
 _RATE_YOUNG_S: Final = 0.15
@@ -74,6 +76,7 @@ class PoseFusion:
         self._rate: tuple[float, Vector3] = (float("-inf"), (0.0, 0.0, 0.0))
         """The autopilot's last rate, and its time."""
         self._askew = 0
+        self._turns: Final = TurnWitness()
         self._waiting: list[tuple[float, Measurement]] = []
         self._source_reports: Final = SourceReports(self.estimate.inertial, self._voting.isolation)
         self._height_misses = 0
@@ -131,18 +134,18 @@ class PoseFusion:
     def imu(self, rate_frd_rad_s: Vector3, force_frd_m_s2: Vector3, t_s: float) -> None:
         """Handles an IMU sample taken at `t_s`."""
         trust = self._voting.received(IMU, self._now_s)
-        mean = self._imu.add_sample(rate_frd_rad_s, force_frd_m_s2, t_s, self._now_s, trust)
+        estimated_s = self.estimate.t_s if self.is_aligned else float("-inf")
+        mean = self._imu.add_sample(rate_frd_rad_s, force_frd_m_s2, t_s, self._now_s, estimated_s, trust)
         if mean is None:
             return
         self._now_s = trust.received_s = max(self._now_s, t_s)
         if not self.is_aligned:
             self._align(rate_frd_rad_s, force_frd_m_s2, t_s)
             return
-        if t_s <= self.estimate.t_s:
-            return
         # Predict with the IMU where it is trusted; else coast at constant velocity.
         if mean.is_believed:
             self.estimate.move(mean.rate_frd_rad_s, mean.force_frd_m_s2, t_s)
+            self._turns.feel(self.estimate.inertial.rate_frd_rad_s, t_s)
             if mean.jolt_m_s > 0.0:
                 self.estimate.jolt(mean.jolt_m_s)
         else:
@@ -188,9 +191,13 @@ class PoseFusion:
             if self.estimate.inertial.covers(t_s):
                 level = level_of(self.estimate.inertial.at(t_s).ned_from_frd, message.ned_from_frd, _TILT_STD_RAD)
                 self._askew = self._askew + 1 if hypot(*level.residual) > _ASKEW[0] else 0
-            if self._askew < _ASKEW[1]:
+            if self._turns.contradicts(message.rate_frd_rad_s, t_s):
+                reason = "the autopilot feels other turns"
+            elif self._askew >= _ASKEW[1]:
+                reason = "the autopilot says that down is elsewhere"
+            else:
                 return
-            self._distrust_imu(self._now_s, "the autopilot says that down is elsewhere")
+            self._distrust_imu(self._now_s, reason)
             self._voting.distrust((), self.estimate.t_s)
         self._arrive(AUTOPILOT, message, t_s)
 
@@ -359,6 +366,7 @@ class PoseFusion:
             trust.refuse("its number is no height")
             return
         estimate, variance = self.estimate, self.settings.height_std_m**2
+        estimate.sunk_m = 0.0
         past = estimate.past(t_s)
         north, east, down = past.state.position_ned_m
         if trust.is_frozen((message.height_m,), (north, east, 0.0), is_moving=False, least_m=_LEVEL_M):
@@ -366,6 +374,7 @@ class PoseFusion:
             return
         reported = height_over(message.height_m, past.state.ned_from_frd, is_slant=self.settings.is_height_slant)
         is_new_floor = self._height_misses >= _NEW_FLOOR and not self._voting.is_disputed
+        is_new_floor = is_new_floor and abs(past.state.velocity_ned_m_s[2]) < _LEVEL_M_S
         if estimate.floor_down_m is None or is_new_floor:
             estimate.measure_floor(reported.vertical_m, down, variance)
             self._height_misses = 0
@@ -377,7 +386,11 @@ class PoseFusion:
         rows[0, FLOOR] += 1.0
         residual = np.array((reported.vertical_m - (estimate.floor_down_m - down),))
         measured = Measured(residual, reported.by_pose, None, np.array(((variance,),)))
+        was_turned_down, was = trust.is_turned_down, estimate.inertial.now.position_ned_m
+        std_m = estimate.position_std_m
         is_accepted = self._judge(trust, measured, rows, past)
+        if is_accepted and was_turned_down:
+            self._voting.returned(HEIGHT, np.subtract(estimate.inertial.now.position_ned_m, was), std_m)
         self._follow_heights(float(residual[0]), message.height_m, is_accepted=is_accepted)
         self._height_misses = 0 if is_accepted or trust.is_used else self._height_misses + 1
 
@@ -388,6 +401,8 @@ class PoseFusion:
         self._heights_off_m = (first_m if is_leading_on else off_m, off_m)
         self._height_m = height_m
         self._voting.height_drift_m = abs(off_m - self._heights_off_m[0])
+        if self._voting.height_drift_m > LEADING_M and not self._voting.is_height_held:
+            self.estimate.sunk_m = abs(off_m)
 
     # --- time passes ---
 
@@ -403,6 +418,8 @@ class PoseFusion:
                 self._coast(min(self.estimate.t_s + _COAST_STEP_S, now_s))
             self._use_waiting()
         self._voting.update()
+        if self._voting.is_height_held:
+            self.estimate.sunk_m = 0.0
 
     def _distrust_imu(self, now_s: float, reason: str) -> None:
         if not self._imu.is_distrusted(now_s):

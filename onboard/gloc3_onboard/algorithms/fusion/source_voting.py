@@ -1,5 +1,6 @@
 """Voting among the pose sources: their records, the outcome, and its consequences for the estimate."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from math import hypot, sqrt
 from typing import Final
@@ -31,10 +32,15 @@ _LOST_S: Final = 2.0
 """A pose that is lost is doubted so often."""
 _FALLEN_M: Final = 0.3
 """Possible error of the height once nothing that measures it passes."""
+LEADING_M: Final = 0.05
+"""Heights that fail the gate and have led away from the floor by more contradict the estimate;"""
 _FLOOR_M: Final = 0.1
-"""Another floor stays as far from the one before; where the distance changes by more, it is the estimate that moves."""
+"""and by more than that, that of the estimate alone, which moves: another floor stays as far from the one before."""
+_TOGETHER_S: Final = 1.0
 _LONE: Final = 2.0
 """An odometer that is left alone may be wrong by so many times the error of scale with which it would still agree with others."""
+_LASTING, _LASTING_M = 0.8, 0.05
+"""A separation of the sources that lasts for that share of their window, and is greater, is not over when the window is."""
 _ARGUED_S: Final = 3.0
 """Where sources contradict each other for longer, the vehicle had better hold."""
 
@@ -104,6 +110,7 @@ class SourceVoting:
         """When the position was last held by no two sources of positions of which one has always been right."""
         self._lone: LoneWay | None = None
         """The way that only one odometer has held."""
+        self._separations_m: deque[Vector3] = deque(maxlen=round(_LASTING * settings.window_s / VOTE_S))
         self._voted_s = float("-inf")
         self._distrusted_s = float("-inf")
         """When the estimate's motion was last doubted."""
@@ -246,7 +253,17 @@ class SourceVoting:
         doubted = [name for name in sorted(self.isolation.records) if self._may_be_right(self.trust[name])]
         is_held = any(self.isolation.records[name].is_of_places and self.trust[name].is_used for name in doubted)
         is_faulty = any(self.trust[name].is_turned_down for name in self.isolation.records)
-        self._estimate.separation_m = self.isolation.separation(doubted, now_s, is_strict=is_faulty and not is_held)
+        apart_m = self.isolation.separation(doubted, now_s, is_strict=is_faulty and not is_held)
+        self._estimate.separation_m = apart_m
+        # One that lasts until its begin is forgotten leaves a reference that has moved, or has not: which, nobody can tell.
+        self._separations_m.append(apart_m)
+        lasting_m = np.min(self._separations_m, axis=0)
+        if len(self._separations_m) == self._separations_m.maxlen and lasting_m.max() > _LASTING_M:
+            is_on_floor = HEIGHT in self.trust and self.trust[HEIGHT].is_used
+            north, east, down = lasting_m.tolist()
+            if is_held or is_on_floor:
+                across = (north, east) if is_held else (0.0, 0.0)
+                self._estimate.doubt_reference(np.zeros(3), (*across, down))
 
     def doubt_gap(self, source: str) -> None:
         """Doubts the position by what an odometer that comes back has reported else while nothing held the position."""
@@ -358,17 +375,35 @@ class SourceVoting:
     def _check_vertical(self, now_s: float) -> None:
         """When all that measure vertical motion do not pass any more, the estimate's is wrong, whoever holds the place."""
         records, since_s = self.isolation.records, now_s - self._distrusted_s
-        judges = [name for name in (*records, HEIGHT) if name in self.trust and not self._is_silent(name)]
-        judges = [name for name in judges if name == HEIGHT or records[name].sees_vertical]
-        is_judged = len(judges) > 1 or (judges == [HEIGHT] and self.height_drift_m > _FLOOR_M)
+        judges = [name for name in records if records[name].sees_vertical and self._may_judge(name)]
+        is_leading = self.height_drift_m > (LEADING_M if judges else _FLOOR_M)
+        if self._may_judge(HEIGHT) and (is_leading or self._have_failed_together([HEIGHT, *judges])):
+            judges.append(HEIGHT)
+        is_judged = len(judges) > 1 or judges == [HEIGHT]
         if since_s < _LOST_S or not is_judged or not all(self.trust[name].is_failing for name in judges):
             return
         if since_s < _AGAIN_S:
             self._distrust_imu(now_s, f"it contradicts {' and '.join(judges)}")
         self.distrust([name for name in judges if name in records], now_s)
         self._estimate.inflate_position((0.0, 0.0, _FALLEN_M))
-        if HEIGHT in judges:
+        if is_leading and HEIGHT in judges:
             self.trust[HEIGHT].let_in()
+
+    def _may_judge(self, source: str) -> bool:
+        """Whether a source reports and is believed, or is not because it contradicts an estimate that may be wrong."""
+        return source in self.trust and self.trust[source].may_vote and not self._is_silent(source)
+
+    def _have_failed_together(self, names: list[str]) -> bool:
+        """Whether two sources or more have begun to fail within a second: the estimate has left them, and not one of them it."""
+        times = [self.trust[name].missed_s for name in names]
+        return len(names) > 1 and max(times) - min(times) < _TOGETHER_S
+
+    @property
+    def is_height_held(self) -> bool:
+        """Whether a source that measures vertical motion passes."""
+        records = self.isolation.records
+        judges = [self.trust[name] for name in records if records[name].sees_vertical and self._may_judge(name)]
+        return any(trust.is_used and not trust.is_failing for trust in judges)
 
     def distrust(self, names: Sequence[str], now_s: float) -> None:
         """Inflates the estimate's motion and readmits these sources."""

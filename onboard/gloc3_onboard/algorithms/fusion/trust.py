@@ -48,6 +48,8 @@ class Trust:
         """Arrival of the last message of any kind."""
         self.used_s = float("-inf")
         """Time of the last accepted measurement."""
+        self.missed_s = float("-inf")
+        """Time of the first of the measurements in a row that fail the gate."""
         self.down_s = float("-inf")
         """When it was last turned down for not agreeing with the estimate."""
         self.innovation = 1.0
@@ -111,6 +113,7 @@ class Trust:
         self._smooth(innovation, degrees)
         if not passes:
             self.rejected += 1
+            self.missed_s = self.missed_s if self._misses else t_s
             self._misses += 1
             self._strays += self.is_stray
             self._missed_by += innovation / CHI2_999[degrees]

@@ -78,7 +78,7 @@ def fly(
         if sample is not None:
             fusion.imu(*sample, t_s)
         if has_autopilot and i % 5 == 0:
-            fusion.attitude(_attitude(flight, i), t_s)
+            fusion.attitude(attitude_of(flight, i), t_s)
         for sensor in sensors:
             for arrives_s, valid_s, message in sensor.reports(flight, t_s):
                 count += 1
@@ -109,8 +109,8 @@ def fly(
     )
 
 
-def _attitude(flight: Flight, i: int) -> AutopilotPose:
-    """With a heading that is another, and a position that is nowhere."""
+def attitude_of(flight: Flight, i: int) -> AutopilotPose:
+    """What the autopilot tells: with a heading that is another, and a position that is nowhere."""
     p, q, r = flight.rate[i].tolist()
     attitude = multiply(from_yaw(2.0), flight.attitude[i])
     return AutopilotPose(

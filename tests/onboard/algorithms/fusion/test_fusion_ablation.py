@@ -2,14 +2,18 @@
 
 from itertools import combinations
 
+import msgspec
 import numpy as np
 import pytest
 
+from gloc3.messages.frames import conjugate, multiply, to_rotation_vector
+from gloc3.messages.vehicle import HeightAboveGround
+from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 
 from .ablation import FAULTS, HARMLESS, SOURCES, judge, suffer
 from .flown import Height, Odometer, Sensor, inspection, sensors_of
-from .fly import Flown, fly
+from .fly import Flown, Recorder, attitude_of, fly
 
 pytestmark = pytest.mark.thorough
 
@@ -240,3 +244,103 @@ def test_a_box_below_is_another_floor_also_where_nothing_else_measures_the_heigh
     assert all(pose.is_valid for pose in flown.poses)
     assert flown.worst_m() < 0.06
     assert max(max(pose.position_std_m) for pose in flown.poses) < 0.1
+
+
+def faulty(platform: str, faults: dict[str, str], begin_s: float = 12.0) -> list[Sensor]:
+    """The sensors of a platform, some with a fault from a time on."""
+    sensors = sensors_of(platform, 0)
+    for sensor in sensors:
+        if sensor.name in faults:
+            sensor.fault, sensor.fault_s = faults[sensor.name], (begin_s, 60.0)
+    return sensors
+
+
+def test_samples_of_the_inertial_unit_that_are_stamped_as_new_are_found_by_the_autopilots_turns() -> None:
+    before = dict[float, tuple[tuple[float, ...], ...]]()
+
+    def old(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+        before[round(t_s, 2)] = (rate, force)
+        return before[round(t_s - 0.2, 2)] if t_s >= 12.0 else (rate, force)
+
+    flown = fly(inspection(), sensors_of("hummingbird", 0), imu=old, until_s=24.0, has_autopilot=True)  # type: ignore[arg-type]
+    off = [t_s for t_s, pose in zip(flown.t_s, flown.poses, strict=True) if "imu" not in pose.sources]
+    assert 12.0 < off[0] < 13.0
+    assert flown.worst_m() < 0.1
+    assert longest_dishonest_s(flown) < 0.3
+
+
+def test_late_samples_of_the_inertial_unit_leave_the_attitude_to_the_autopilot() -> None:
+    calls = Recorder.of(inspection(), sensors_of("hummingbird", 0), until_s=20.0)
+    fusion, waiting = PoseFusion(Recorder.SETTINGS), list[tuple[object, ...]]()
+    flight = inspection()
+    for name, given in calls:
+        if name == "imu" and given[2] >= 12.0:
+            waiting.append(given)
+            continue
+        now_s = given[0] if name == "tick" else 0.0
+        while waiting and waiting[0][2] <= now_s - 0.2:  # type: ignore[operator]
+            fusion.imu(*waiting.pop(0))  # type: ignore[arg-type]
+        if name == "tick" and now_s > 0.5:
+            fusion.attitude(attitude_of(flight, flight.index(now_s)), now_s)
+        getattr(fusion, name)(*given)
+    pose = fusion.pose()
+    assert "autopilot" in pose.sources
+    assert "imu" not in pose.sources
+    true = flight.attitude[flight.index(fusion.estimate.t_s)]
+    turn_rad = to_rotation_vector(multiply(true, conjugate(pose.ned_from_frd)))
+    assert np.degrees(np.abs(turn_rad)).max() < 2.0
+
+
+def test_heights_that_lead_away_are_doubted_at_once_where_nothing_else_holds_the_height() -> None:
+    def scaled(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+        return rate, tuple(1.05 * value for value in force) if t_s >= 12.0 else force
+
+    sensors = faulty("pelican", {"stereo": "removed", "tracker": "removed"})
+    flown = fly(inspection(), sensors, 0, STIFF, imu=scaled, until_s=20.0)  # type: ignore[arg-type]
+    assert np.abs(flown.error_m[:, 2]).max() > 0.1
+    assert longest_dishonest_s(flown) < 0.3
+    assert flown.fusion.estimate.sunk_m == 0.0, "it is found again"
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_late_heights_make_no_new_floor_while_the_vehicle_climbs(seed: int) -> None:
+    sensors = sensors_of("hummingbird", seed)
+    for sensor in sensors:
+        if sensor.name in ("stereo", "tracker", "height"):
+            sensor.fault, sensor.fault_s = "old" if sensor.name == "height" else "removed", (2.0, 60.0)
+    flown = fly(inspection(), sensors, seed, STIFF, until_s=8.0)
+    assert np.abs(flown.error_m[:, 2]).max() < 0.05
+
+
+def test_an_odometer_that_stumbles_does_not_make_heights_right_that_have_stepped_long_before() -> None:
+    sensors = faulty("hummingbird", {"height": "step", "stereo": "garbage", "tracker": "removed"})
+    for sensor in sensors:
+        if sensor.name == "stereo":
+            sensor.fault_s = (13.2, 13.5)
+        elif isinstance(sensor, Odometer):
+            sensor.blind = (2, 3, 4)
+    flown = fly(inspection(), sensors, 0, STIFF, until_s=20.0)
+    assert np.abs(flown.error_m[:, 2]).max() < 0.06
+
+
+def test_heights_that_come_back_leave_in_doubt_what_they_have_moved() -> None:
+    """Nothing else knows how far off the position was meanwhile, and the heights may be as wrong as they were."""
+    fusion = PoseFusion(msgspec.structs.replace(STIFF, probation_s=0.3))
+    for name, given in Recorder.of(inspection(), faulty("hummingbird", {"height": "step"}), until_s=12.6):
+        getattr(fusion, name)(*given)
+    assert "height" not in fusion.pose().sources
+    flight = inspection()
+    fusion.estimate.inflate_position((0.3, 0.0, 0.1))  # together, as along the line of sight of a tracker
+    for count in range(1260, 1400):
+        t_s = count / 100
+        index = flight.index(t_s)
+        fusion.imu(tuple(flight.rate[index].tolist()), tuple(flight.force[index].tolist()), t_s)
+        if count % 10 == 0:
+            height_m = 0.3 - float(flight.position[index][2])
+            fusion.height(HeightAboveGround(height_m=height_m, is_valid=True), t_s)
+            fusion.tick(t_s)
+    pose = fusion.pose()
+    assert "height" in pose.sources
+    off_m = abs(pose.position_ned_m[2] - float(flight.position[flight.index(fusion.estimate.t_s)][2]))
+    assert off_m > 0.1
+    assert off_m < 4.0 * pose.position_std_m[2]

@@ -15,6 +15,7 @@ from gloc3.component.settings import Bounds, Settings
 from gloc3.messages.frames import (
     IDENTITY,
     GeoPoint,
+    Quaternion,
     TangentPlane,
     Vector3,
     from_yaw,
@@ -184,7 +185,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._moved_m = (0.0, 0.0)
         """Way by measured velocity since the fixes have told that place, north and east."""
         self._unlocked = ""
-        self._attitude = IDENTITY
+        self._attitude: Quaternion | None = None
+        """The autopilot's last; before it, a velocity in the body's axes says nothing."""
         self._requested: Setpoint | None = None
         self._down_m, self._depth_s = 0.0, float("-inf")
         """The autopilot's last depth, and when it told it."""
@@ -349,6 +351,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         self._add_velocity(step.source, (ahead / seconds, right / seconds, down / seconds), stds, t_s)
 
     def _add_velocity(self, source: str, velocity_frd_m_s: Vector3, stds_m_s: tuple[float, float], t_s: float) -> None:
+        if self._attitude is None:
+            return
         self._advance(t_s)
         yaw = yaw_of(self._attitude)
         # Level axes, ahead and to the right: R_yaw^T R v; what points down is left out.
@@ -421,7 +425,8 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         numbers = (*given.position_ned_m, *given.velocity_ned_m_s, *given.ned_from_frd, *given.rate_frd_rad_s)
         is_finite = all(map(isfinite, numbers))
         if is_finite:
-            self._filter.turned(wrap_pi(yaw_of(given.ned_from_frd) - yaw_of(self._attitude)))
+            if self._attitude is not None:
+                self._filter.turned(wrap_pi(yaw_of(given.ned_from_frd) - yaw_of(self._attitude)))
             self._attitude = given.ned_from_frd
         self._adopt_origin(given)
         self._advance(t_s)
@@ -457,7 +462,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
         return Pose(
             position_ned_m=(north, east, given.position_ned_m[2] if has_depth else 0.0),
             velocity_ned_m_s=(vn, ve, given.velocity_ned_m_s[2] if has_depth else 0.0),
-            ned_from_frd=self._attitude,
+            ned_from_frd=self._attitude or IDENTITY,
             rate_frd_rad_s=given.rate_frd_rad_s if is_finite else (0.0, 0.0, 0.0),
             position_std_m=(std_n, std_e, hypot(_DEPTH_STD_M, sqrt(self._waves_m2)) + settings.climb_m_s * unknown_s),
             is_valid=is_valid,
@@ -470,7 +475,7 @@ class DeadReckoningProcessor(DataProcessor[DeadReckoningSettings]):
 
     def _lean_on(self, given: AutopilotPose) -> None:
         """Takes the autopilot's own velocity, where nothing better is there: it has it from the satellites."""
-        yaw, std_m_s = yaw_of(self._attitude), self.settings.autopilot_std_m_s
+        yaw, std_m_s = yaw_of(given.ned_from_frd), self.settings.autopilot_std_m_s
         ahead, right, _ = rotate(from_yaw(-yaw), given.velocity_ned_m_s)
         self._filter.use_velocity(ahead, right, yaw, std_m_s)
 

@@ -1,6 +1,6 @@
 """Dead reckoning: how far it is off, what it claims, what it says without bottom lock, and how satellites set it right."""
 
-from math import cos, hypot, radians, sin
+from math import cos, hypot, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -125,6 +125,7 @@ class Sea:
         self.satellite_std_m = satellite_std_m
         self.wave_m = 0.0
         """Amplitude of what the vehicle bobs by, every five seconds."""
+        self.heading_rad = 0.0
         row = ComponentRow(
             name="pose",
             class_name="x:Y",
@@ -142,7 +143,7 @@ class Sea:
             estimate = AutopilotPose(
                 position_ned_m=(70.0, -30.0, 4.0 + self.wave_m * sin(radians(7.2 * step))),
                 velocity_ned_m_s=(0.0, 0.0, 0.0),
-                ned_from_frd=from_yaw(0.0),
+                ned_from_frd=from_yaw(self.heading_rad),
                 rate_frd_rad_s=(0.0, 0.0, 0.0),
                 origin_geo=BAY,
             )
@@ -246,3 +247,21 @@ def test_in_a_tank_it_begins_at_the_origin() -> None:
         pose = Sea(bench, begins_at_origin=True).run(3.0)
         assert pose.is_valid
         assert pose.position_ned_m[:2] == pytest.approx((0.0, 0.0), abs=0.05)
+
+
+def test_what_is_carried_on_after_a_crash_knows_the_heading_before_it_takes_in_a_velocity() -> None:
+    """The first velocity comes before the first attitude; taken as one to the north, the right ones did not fit any more."""
+    with Bench() as bench:
+        sea = Sea(bench)
+        sea.heading_rad = pi
+        sea.run(6.0, at=(0.0, 0.0))
+        before = sea.run(20.0, speed_m_s=0.5)
+        assert bench.command("pose", "stop").is_accepted
+        bench.run(8.0)
+        assert bench.command("pose", "start").is_accepted
+        bench.send("dvl", BottomVelocity(velocity_frd_m_s=(0.5, 0.0, 0.0), std_m_s=0.005, altitude_m=9.0))
+        bench.run(0.05)
+        pose = sea.run(10.0, speed_m_s=0.5)
+    assert before.position_ned_m[0] == pytest.approx(-10.0, abs=0.3)
+    assert pose.sources == ["dvl", "heading", "depth"]
+    assert -18.5 < pose.position_ned_m[0] < -14.5, "adrift for 8 s, then 5 m"

@@ -110,7 +110,9 @@ class SourceVoting:
         """When the position was last held by no two sources of positions of which one has always been right."""
         self._lone: LoneWay | None = None
         """The way that only one odometer has held."""
-        self._separations_m: deque[Vector3] = deque(maxlen=round(_LASTING * settings.window_s / VOTE_S))
+        self._lasting = round(_LASTING * settings.window_s / VOTE_S)
+        self._separations_m: deque[Vector3] = deque(maxlen=self._lasting)
+        """Of the sources that are used, in the last votes."""
         self._voted_s = float("-inf")
         self._distrusted_s = float("-inf")
         """When the estimate's motion was last doubted."""
@@ -255,15 +257,23 @@ class SourceVoting:
         is_faulty = any(self.trust[name].is_turned_down for name in self.isolation.records)
         apart_m = self.isolation.separation(doubted, now_s, is_strict=is_faulty and not is_held)
         self._estimate.separation_m = apart_m
-        # One that lasts until its begin is forgotten leaves a reference that has moved, or has not: which, nobody can tell.
+        used = [name for name in doubted if self.trust[name].is_used]
+        self._doubt_lasting(apart_m if used == doubted else self.isolation.separation(used, now_s), is_held=is_held)
+
+    def _doubt_lasting(self, apart_m: Vector3, *, is_held: bool) -> None:
+        """Doubts the reference where the sources that are used have been apart until the begin of that is forgotten.
+
+        It has moved, or has not and they have: nobody can tell any more.
+        """
         self._separations_m.append(apart_m)
         lasting_m = np.min(self._separations_m, axis=0)
-        if len(self._separations_m) == self._separations_m.maxlen and lasting_m.max() > _LASTING_M:
-            is_on_floor = HEIGHT in self.trust and self.trust[HEIGHT].is_used
-            north, east, down = lasting_m.tolist()
-            if is_held or is_on_floor:
-                across = (north, east) if is_held else (0.0, 0.0)
-                self._estimate.doubt_reference(np.zeros(3), (*across, down))
+        if len(self._separations_m) < self._lasting or lasting_m.max() <= _LASTING_M:
+            return
+        north, east, down = lasting_m.tolist()
+        if is_held:
+            self._estimate.doubt_reference(np.zeros(3), (north, east, down))
+        elif HEIGHT in self.trust and self.trust[HEIGHT].is_used:
+            self._estimate.doubt_reference(np.zeros(3), (0.0, 0.0, down))
 
     def doubt_gap(self, source: str) -> None:
         """Doubts the position by what an odometer that comes back has reported else while nothing held the position."""

@@ -8,7 +8,6 @@ an exposure or a link of some milliseconds, make the two differ.
 """
 
 from collections import deque
-from math import inf
 from typing import Final
 
 from gloc3.messages.frames import Vector3
@@ -63,4 +62,4 @@ class TurnWitness:
 
 def _outside(value: float, others: list[float]) -> float:
     """By how much a value is beyond the least or the greatest of others."""
-    return max(min(others) - value, value - max(others), -inf)
+    return max(min(others) - value, value - max(others))

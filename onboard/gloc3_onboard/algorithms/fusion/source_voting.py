@@ -37,6 +37,7 @@ LEADING_M: Final = 0.05
 _FLOOR_M: Final = 0.1
 """and by more than that, that of the estimate alone, which moves: another floor stays as far from the one before."""
 _TOGETHER_S: Final = 1.0
+"""Sources that begin to fail within that have not each failed by themselves."""
 _LONE: Final = 2.0
 """An odometer that is left alone may be wrong by so many times the error of scale with which it would still agree with others."""
 _LASTING, _LASTING_M = 0.8, 0.05
@@ -385,7 +386,7 @@ class SourceVoting:
     def _check_vertical(self, now_s: float) -> None:
         """When all that measure vertical motion do not pass any more, the estimate's is wrong, whoever holds the place."""
         records, since_s = self.isolation.records, now_s - self._distrusted_s
-        judges = [name for name in records if records[name].sees_vertical and self._may_judge(name)]
+        judges = self._vertical_judges()
         is_leading = self.height_drift_m > (LEADING_M if judges else _FLOOR_M)
         if self._may_judge(HEIGHT) and (is_leading or self._have_failed_together([HEIGHT, *judges])):
             judges.append(HEIGHT)
@@ -411,9 +412,13 @@ class SourceVoting:
     @property
     def is_height_held(self) -> bool:
         """Whether a source that measures vertical motion passes."""
-        records = self.isolation.records
-        judges = [self.trust[name] for name in records if records[name].sees_vertical and self._may_judge(name)]
+        judges = [self.trust[name] for name in self._vertical_judges()]
         return any(trust.is_used and not trust.is_failing for trust in judges)
+
+    def _vertical_judges(self) -> list[str]:
+        """The sources that measure vertical motion and may judge; the heights are not among them."""
+        records = self.isolation.records
+        return [name for name in records if records[name].sees_vertical and self._may_judge(name)]
 
     def distrust(self, names: Sequence[str], now_s: float) -> None:
         """Inflates the estimate's motion and readmits these sources."""

@@ -12,6 +12,8 @@ from typing import Final
 
 from gloc3.messages.frames import Vector3
 
+_KEPT_S: Final = 1.0
+"""A report of the autopilot is no later than that."""
 _MOMENT_S: Final = (0.1, 0.05)
 """So long before and after a reported rate the unit may have felt it."""
 _TOLERANCE: Final = (0.02, 0.15)
@@ -36,7 +38,7 @@ class TurnWitness:
     def feel(self, rate_frd_rad_s: Vector3, t_s: float) -> None:
         """Notes a rate of the inertial unit, less its bias."""
         self._felt.append((t_s, rate_frd_rad_s))
-        while self._felt[0][0] < t_s - 1.0:
+        while self._felt[0][0] < t_s - _KEPT_S:
             self._felt.popleft()
 
     def contradicts(self, rate_frd_rad_s: Vector3, t_s: float) -> bool:

@@ -131,13 +131,15 @@ def test_an_inertial_unit_that_turns_is_found_by_the_autopilot_and_what_a_scaled
     assert kind == "scale" or 9.0 < found[0] < 9.5
 
 
+def scaled(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+    """The inertial unit's accelerometers are 5 % too long from 12 s on."""
+    return rate, tuple(1.05 * value for value in force) if t_s >= 12.0 else force
+
+
 @pytest.mark.parametrize("platform", ["pelican", "hummingbird"])
 @pytest.mark.parametrize("faults", [{"stereo": "late"}, {"stereo": "late", "tracker": "removed"}])
 def test_odometers_that_see_no_height_do_not_keep_a_wrong_one(platform: str, faults: dict[str, str]) -> None:
     """The inertial unit's error lets the pose rise by metres while the laser, which sees no height, agrees with it."""
-
-    def scaled(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-        return rate, tuple(1.05 * value for value in force) if t_s >= 12.0 else force
 
     sensors = sensors_of(platform, 0)
     for sensor in sensors:
@@ -207,9 +209,6 @@ def level_sensors(platform: str) -> list[Sensor]:
 def test_a_floor_that_moves_away_is_none_but_an_estimate_that_falls(platform: str) -> None:
     """Nothing but the range to the floor measures the height, and the inertial unit is wrong: metres in seconds."""
 
-    def scaled(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-        return rate, tuple(1.05 * value for value in force) if t_s >= 12.0 else force
-
     flown = fly(inspection(), level_sensors(platform), 0, STIFF, imu=scaled, until_s=20.0)  # type: ignore[arg-type]
     assert flown.poses[-1].is_valid
     assert flown.worst_m() < 0.3
@@ -246,12 +245,12 @@ def test_a_box_below_is_another_floor_also_where_nothing_else_measures_the_heigh
     assert max(max(pose.position_std_m) for pose in flown.poses) < 0.1
 
 
-def faulty(platform: str, faults: dict[str, str], begin_s: float = 12.0) -> list[Sensor]:
-    """The sensors of a platform, some with a fault from a time on."""
+def faulty(platform: str, faults: dict[str, str]) -> list[Sensor]:
+    """The sensors of a platform, some with a fault from 12 s on."""
     sensors = sensors_of(platform, 0)
     for sensor in sensors:
         if sensor.name in faults:
-            sensor.fault, sensor.fault_s = faults[sensor.name], (begin_s, 60.0)
+            sensor.fault, sensor.fault_s = faults[sensor.name], (12.0, 60.0)
     return sensors
 
 
@@ -292,9 +291,6 @@ def test_late_samples_of_the_inertial_unit_leave_the_attitude_to_the_autopilot()
 
 
 def test_heights_that_lead_away_are_doubted_at_once_where_nothing_else_holds_the_height() -> None:
-    def scaled(t_s: float, rate: tuple[float, ...], force: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-        return rate, tuple(1.05 * value for value in force) if t_s >= 12.0 else force
-
     sensors = faulty("pelican", {"stereo": "removed", "tracker": "removed"})
     flown = fly(inspection(), sensors, 0, STIFF, imu=scaled, until_s=20.0)  # type: ignore[arg-type]
     assert np.abs(flown.error_m[:, 2]).max() > 0.1

@@ -23,7 +23,7 @@ ON_ROTORS: Final = ("quadrotor", "hexarotor", "vtol")
 """Types of vehicles that fall over without an inertial unit."""
 DIVING: Final = ("auv", "rov")
 """Types of vehicles that know below the surface what their companion tells them."""
-GONE: Final = ("lost", "stuck", "old")
+GONE: Final = ("lost", "stuck", "late", "old")
 """What an inertial unit may do that leaves nothing to fly by."""
 BLIND_S: Final = 0.3
 """So long they stay upright without it."""
@@ -106,7 +106,7 @@ class FlightFacts(NamedTuple):
     def is_out_of_control(self, now_s: float) -> bool:
         """Whether nobody can steer it.
 
-        That is what flies on rotors while its only inertial unit is gone, or was of late; and what dives while it is
+        That is what flies on rotors while its only inertial unit is gone or late, or was so before; and what dives while it is
         without its companion, since nothing else tells it where it is.
         """
         if self.platform.vehicle.type in DIVING:

@@ -29,8 +29,8 @@ class InsideFence(Invariant):
     name = "inside_fence"
     sentence = (
         "Under way the vehicle stays inside the mission's fence and below its ceiling, but for the distance in which it "
-        "stops; a pilot with the transmitter in hand may fly where he likes, and what flies on rotors without its only "
-        "inertial unit is not judged, nor what dives without its companion."
+        "stops; a pilot with the transmitter in hand may fly where he likes, and what flies on rotors is not judged while "
+        "its only inertial unit is gone or late, nor what dives without its companion."
     )
 
     def __init__(self, facts: FlightFacts) -> None:

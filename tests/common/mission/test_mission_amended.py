@@ -85,6 +85,7 @@ def test_a_pilot_a_policy_and_an_end_come_first(rig: Rig) -> None:
     rig.executor.pilot(True, "stick", rig.now_s)
     with pytest.raises(Refused, match="the pilot has control"):
         rig.executor.amend(rig.read(AFTER), rig.now_s)
+    rig.pass_s(1)
     rig.steer("resume")
     rig.executor.emergency("hold", "station 255", rig.now_s)
     with pytest.raises(Refused, match="hold"):

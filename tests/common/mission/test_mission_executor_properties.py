@@ -185,6 +185,7 @@ class Flights(RuleBasedStateMachine):
         rig.refusing.clear()
         rig.executor.available({}, rig.now_s)
         if rig.executor.board.has_pilot:
+            rig.pass_s(1)
             try:
                 rig.steer("resume")
             except Refused:

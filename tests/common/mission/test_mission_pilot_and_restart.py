@@ -55,6 +55,18 @@ def test_after_a_pilot_only_an_operator_s_resume_goes_on(rig: Rig) -> None:
     assert rig.grant.action_id == rig.id_of("sweep.wall")
 
 
+def test_a_resume_of_an_operator_who_cannot_have_seen_the_pilot_yet_is_refused(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    rig.pass_s(0.9)
+    with pytest.raises(Refused, match="a pilot has taken over within the last second; resume again"):
+        rig.steer("resume")
+    assert rig.state() == "paused"
+    assert rig.taken_back == 0
+    rig.pass_s(0.1)
+    rig.steer("resume")
+    assert rig.taken_back == 1
+
+
 def test_a_pilot_who_has_left_leaves_safety_to_the_policies_and_nothing_else(rig: Rig) -> None:
     pilot(rig, has_control=True)
     rig.arise(PolicyCondition.OBSTACLE)
@@ -87,6 +99,7 @@ def test_what_arose_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig
     rig.arise(PolicyCondition.LOW_BATTERY)
     rig.arise(PolicyCondition.POSE_LOST)
     rig.arise(PolicyCondition.POSE_LOST, is_on=False)
+    rig.pass_s(1)
     rig.steer("resume")
     assert rig.running() == ["policy.return_home"]
 
@@ -95,6 +108,7 @@ def test_a_pilot_ends_a_policy_and_handing_back_holds(rig: Rig) -> None:
     rig.arise(PolicyCondition.LOW_BATTERY)
     pilot(rig, has_control=True)
     assert rig.running() == []
+    rig.pass_s(1)
     rig.steer("resume")
     assert rig.grant.action_id == "hold"
     assert rig.executor.policy == ""
@@ -103,6 +117,7 @@ def test_a_pilot_ends_a_policy_and_handing_back_holds(rig: Rig) -> None:
 def test_a_mission_whose_vehicle_a_pilot_has_landed_is_not_resumed(rig: Rig) -> None:
     pilot(rig, has_control=True)
     rig.fly(is_airborne=False)
+    rig.pass_s(1)
     with pytest.raises(Refused, match=r"the vehicle is on the ground, and sweep.wall was paused in the air; abort it"):
         rig.steer("resume")
     rig.steer("abort")

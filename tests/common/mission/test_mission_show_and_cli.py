@@ -163,10 +163,20 @@ def test_check_says_what_is_wrong_where_and_fails(
     report = json.loads(capsys.readouterr().out)
     assert report["is_ok"] is True
     assert report["findings"][0]["is_warning"] is True
-    path.write_text("a: [")
-    assert run("check", path, "--json") == 1
-    assert json.loads(capsys.readouterr().out)["findings"][0]["line"] == 2
-    assert run("show", path) == 1
+
+
+def test_what_is_asked_of_a_platform_that_nobody_knows_is_not_called_fit_to_fly(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "up.yaml"
+    path.write_text(
+        "mission: up\nframe: hold\ntasks:\n"
+        "  up: {platform: hummingbrd, actions: {up: {take_off: {height_m: 2}}, down: {land: {}, after: [up]}}}\n"
+    )
+    assert run("check", path) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[-1] == f"{path} is well written; what hummingbrd needs was not checked (2 warnings)"
+    assert "(did you mean 'hummingbird'?)" in out[-2]
 
 
 @pytest.mark.parametrize("command", ["check", "show"])

@@ -136,6 +136,8 @@ class CheckReport:
     order: PartialOrder | None = field(default=None, repr=False)
     profile: GroundProfile | None = field(default=None, repr=False)
     """Heights of the path and of the ground; None without terrain tiles."""
+    unknown: tuple[str, ...] = ()
+    """Platforms that tasks name and nobody knows here: what those tasks need was not checked."""
 
     @property
     def is_ok(self) -> bool:
@@ -187,13 +189,14 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     if mission is None or structural:
         return CheckReport(file=file, findings=tuple(sorted(findings)), mission=None)
     is_whole = circumstances.known is not None or circumstances.platform is None
-    if circumstances.part is None:
-        findings += _unknown_platforms(mission, circumstances)
+    doubts = dict(_unknown_platforms(mission, circumstances)) if circumstances.part is None else {}
+    findings += doubts
+    unknown = tuple(dict.fromkeys(doubts.values()))
     if mission.unassigned:
         findings += [] if circumstances.is_assigned_later else _unassigned(mission)
         return CheckReport(file=file, findings=tuple(sorted(findings)), mission=mission, order=PartialOrder.of(mission))
     if mission.platforms and circumstances.part is None and is_whole:
-        return _check_parts(data, file, circumstances, mission, findings)
+        return replace(_check_parts(data, file, circumstances, mission, findings), unknown=unknown)
     order = PartialOrder.of(mission)
     platform = circumstances.platform
     budget = Budget.of(platform.limits if platform else Limits(), circumstances.home_ned_m or (0.0, 0.0, 0.0))
@@ -239,10 +242,11 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
         estimate=figures,
         order=order,
         profile=profile,
+        unknown=unknown,
     )
 
 
-def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterator[Finding]:
+def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterator[tuple[Finding, str]]:
     """Tasks for platforms of which there is no file here: their part is judged by nothing, and a name may be misspelt."""
     document, find, own = mission.document, circumstances.known, circumstances.platform
     if document is None:
@@ -254,7 +258,7 @@ def _unknown_platforms(mission: Mission, circumstances: Circumstances) -> Iterat
         if not is_written or wanted in known or (find is not None and find(wanted) is not None):
             continue
         message = f"the platform {wanted!r} is not known here: what {name} needs is not checked"
-        yield document.finding((*where_of(name), "platform"), message, nearest(wanted, known), is_warning=True)
+        yield document.finding((*where_of(name), "platform"), message, nearest(wanted, known), is_warning=True), wanted
 
 
 def _unassigned(mission: Mission) -> Iterator[Finding]:

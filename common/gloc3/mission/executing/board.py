@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
+from math import inf
 from typing import Final
 
 from gloc3.errors import Misuse, Refused, nearest
@@ -158,6 +159,8 @@ class Board:
         self.manoeuvre: PolicyManoeuvre | None = None
         self.has_pilot = False
         """A pilot has control, and no operator has resumed since."""
+        self.taken_over_s = -inf
+        """When a pilot, or the autopilot's failsafe, has last taken over."""
         self.is_failsafe = False
         """With `has_pilot`: it is the autopilot's failsafe that has control."""
         self.is_operator = False

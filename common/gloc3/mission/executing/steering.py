@@ -1,5 +1,7 @@
 """Operators' commands that need more than a move: what must hold before a resume, and what follows an abort."""
 
+from typing import Final
+
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import manoeuvres, reactions
@@ -11,10 +13,19 @@ from gloc3.mission.model.arguments import LandOrder
 from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
 from gloc3.mission.model.states import ActionState, StateTrigger
 
+UNSEEN_S: Final = 1.0
+"""So long after a pilot has taken over an operator who says resume cannot have seen it."""
+
 
 def take_back(board: Board, now_s: float) -> None:
-    """Returns control to the mission when an operator resumes after a pilot."""
+    """Returns control to the mission when an operator resumes after a pilot.
+
+    Raises:
+        Refused: it cannot be resumed now, or the operator cannot know of the pilot yet; nothing has changed.
+    """
     mission = board.mission
+    if now_s - board.taken_over_s < UNSEEN_S and not (board.is_failsafe or board.is_operator):
+        raise Refused("a pilot has taken over within the last second; resume again to take the vehicle back")
     if mission is not None and mission.state is ActionState.PAUSED:
         check_resumable(board, mission)
     board.has_pilot = board.is_failsafe = board.is_operator = False

@@ -11,6 +11,7 @@ from gloc3.mission.model.states import ENDED_BY_FAILSAFE, ActionState, StateTrig
 def begin(board: Board, reason: str, now_s: float, *, is_failsafe: bool) -> None:
     """A pilot, or the autopilot's failsafe, has taken over: the mission pauses, single commands end."""
     board.has_pilot, board.is_failsafe, board.is_operator, board.is_changed = True, is_failsafe, False, True
+    board.taken_over_s = now_s
     why = Cause.FAILSAFE if is_failsafe else Cause.PILOT
     with board.because(why):
         board.report(Severity.WARNING, f"{board.controller} has control: {reason}")

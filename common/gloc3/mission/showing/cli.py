@@ -384,8 +384,11 @@ def _verdict(report: CheckReport) -> str:
     if report.is_ok and report.mission is not None and report.mission.unassigned:
         left = ", ".join(report.mission.unassigned)
         return f"{report.file} is well written; --platform A --platform B assigns {left}, and checks all parts"
+    also = f" ({counted(warnings, 'warning')})" if warnings else ""
+    if report.is_ok and report.unknown:
+        return f"{report.file} is well written; what {', '.join(report.unknown)} needs was not checked{also}"
     if report.is_ok:
-        return f"{report.file} is fit to fly{numbers}" + (f" ({counted(warnings, 'warning')})" if warnings else "")
+        return f"{report.file} is fit to fly{numbers}{also}"
     return f"{report.file} is not fit to fly: {counted(errors, 'error')}"
 
 

@@ -136,7 +136,7 @@ def look_for(tree: Path, planted: PlantedMistake) -> dict[str, Any]:
         "processor_s": found["processor_s"],
         "invariant": smallest["broken"]["invariant"] if smallest else "",
         "faults": len(smallest["case"].get("faults", [])) if smallest else 0,
-        "command": smallest["command"] if smallest else "",
+        "command": smallest["command"].replace(f"{smallest['folder']}/", "") if smallest else "",
         "line": msgspec.json.encode(smallest["case"]).decode() if smallest else "",
     }
 

@@ -89,9 +89,11 @@ class PersonInControl:
         if mission.state == "running":
             return "paused" in mission.tasks.values()
         faults = self._facts.faults
-        commands = {one.given.target for one in faults if one.kind == "operator" and (one.begin_s or 0.0) <= t_s}
+        given = [one.given for one in faults if one.kind == "operator" and (one.begin_s or 0.0) <= t_s]
+        commands = {one.target for one in given}
         if mission.state == "done":
-            return "skipped" in mission.tasks.values() and "skip" in commands
+            has_ended_action = any("." in one.word for one in given if one.target in ("skip", "abort"))
+            return has_ended_action or ("skipped" in mission.tasks.values() and "skip" in commands)
         if mission.policy == "hold" and "hold" in commands:
             return True  # the emergency key, which goes before any policy
         is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)

@@ -316,6 +316,10 @@ def test_what_an_operator_has_skipped_is_his() -> None:
     assert not _ends_aloft(done, "operator:skip=back@5")
     assert _ends_aloft(done, "operator:pause@5"), "he has skipped nothing"
     assert _ends_aloft(done)
+    landed_by_nobody = MissionSummary(name="h", digest="1", state="done", tasks={"back": "done"})
+    for command in ("skip", "abort"):
+        assert not _ends_aloft(landed_by_nobody, f"operator:{command}=back.down@5")
+    assert _ends_aloft(landed_by_nobody, "operator:abort=back@5"), "it was refused: the task is done"
 
 
 def test_an_emergency_hold_is_the_operators_from_then_on() -> None:

@@ -82,18 +82,24 @@ class PersonInControl:
         return not self._facts.has_fault(moment.t_s, "link_loss", for_s=10.0) and self._is_an_operators(moment.t_s)
 
     def _is_an_operators(self, t_s: float) -> bool:
-        """Whether an operator has paused, ended or skipped the mission or a part of it, or has pressed the emergency key."""
+        """Whether an operator has paused, ended or skipped the mission or a part of it, or has pressed the emergency key.
+
+        So has he if he took it back from a pilot when no mission or policy was left to go on.
+        """
         mission = self.mission
         if mission is None or mission.policy == "pilot":
             return False
         if mission.state == "running":
             return "paused" in mission.tasks.values()
         faults = self._facts.faults
-        given = [one.given for one in faults if one.kind == "operator" and (one.begin_s or 0.0) <= t_s]
-        commands = {one.target for one in given}
+        commands = {one.given.target: one for one in faults if one.kind == "operator" and (one.begin_s or 0.0) <= t_s}
+        if "resume" in commands and not mission.policy and mission.state in ("aborted", "failed"):
+            resumed_s = commands["resume"].begin_s or 0.0
+            if any(one.kind == "pilot" and (one.begin_s or 0.0) < resumed_s for one in faults):
+                return True
         if mission.state == "done":
-            has_ended_action = any("." in one.word for one in given if one.target in ("skip", "abort"))
-            return has_ended_action or ("skipped" in mission.tasks.values() and "skip" in commands)
+            ended = [commands[verb].given.word for verb in ("skip", "abort") if verb in commands]
+            return any("." in word for word in ended) or ("skipped" in mission.tasks.values() and "skip" in commands)
         if mission.policy == "hold" and "hold" in commands:
             return True  # the emergency key, which goes before any policy
         is_by_operator = mission.reason == BY_OPERATOR or mission.reason.startswith(EMERGENCY)

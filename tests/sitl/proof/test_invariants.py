@@ -322,6 +322,13 @@ def test_what_an_operator_has_skipped_is_his() -> None:
     assert _ends_aloft(landed_by_nobody, "operator:abort=back@5"), "it was refused: the task is done"
 
 
+def test_what_an_operator_takes_back_from_a_pilot_with_no_mission_left_is_his() -> None:
+    aborted = MissionSummary(name="h", digest="1", state="aborted", reason="abort by an operator: land")
+    assert not _ends_aloft(aborted, "pilot:hold@6", "operator:resume@8")
+    assert _ends_aloft(aborted, "pilot:hold@6", "operator:resume@4"), "he was asked for nothing since"
+    assert _ends_aloft(aborted, "operator:resume@8"), "nobody had taken it"
+
+
 def test_an_emergency_hold_is_the_operators_from_then_on() -> None:
     held = MissionSummary(name="h", digest="1", state="paused", policy="hold", reason="pose is lost")
     assert not _ends_aloft(held, "operator:hold@5")

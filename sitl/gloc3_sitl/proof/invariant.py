@@ -24,7 +24,7 @@ ON_ROTORS: Final = ("quadrotor", "hexarotor", "vtol")
 DIVING: Final = ("auv", "rov")
 """Types of vehicles that know below the surface what their companion tells them."""
 GONE: Final = ("lost", "stuck", "late", "old")
-"""What an inertial unit may do that leaves nothing to fly by."""
+"""What an inertial unit, or the satellites, may do that leaves nothing to fly by."""
 BLIND_S: Final = 0.3
 """So long they stay upright without it."""
 RECOVERS_S: Final = 8.0
@@ -111,10 +111,15 @@ class FlightFacts(NamedTuple):
         """
         if self.platform.vehicle.type in DIVING:
             return any(is_cut_off(fault) and now_s > (fault.begin_s or 0.0) + BLIND_S for fault in self.faults)
-        if self.platform.vehicle.type not in ON_ROTORS:
-            return False
+        return self.platform.vehicle.type in ON_ROTORS and self._is_gone("imu", now_s)
+
+    def drifts(self, now_s: float) -> bool:
+        """Whether the wind carries away what flies on rotors, whose satellites are gone or late, or were so before."""
+        return not self.is_calm and self.platform.vehicle.type in ON_ROTORS and self._is_gone("fix", now_s)
+
+    def _is_gone(self, sensor: str, now_s: float) -> bool:
         for fault in self.faults:
-            if fault.kind == "sensor" and fault.given.target == "imu" and fault.given.word in GONE:
+            if fault.kind == "sensor" and fault.given.target == sensor and fault.given.word in GONE:
                 begin_s, lasts_s = fault.begin_s or 0.0, fault.lasts_s or 0.0
                 if lasts_s > BLIND_S and begin_s + BLIND_S <= now_s <= begin_s + lasts_s + RECOVERS_S:
                     return True

@@ -30,7 +30,7 @@ class InsideFence(Invariant):
     sentence = (
         "Under way the vehicle stays inside the mission's fence and below its ceiling, but for the distance in which it "
         "stops; a pilot with the transmitter in hand may fly where he likes, and what flies on rotors is not judged while "
-        "its only inertial unit is gone or late, nor what dives without its companion."
+        "its only inertial unit is gone or late, or its satellites are in wind, nor what dives without its companion."
     )
 
     def __init__(self, facts: FlightFacts) -> None:
@@ -46,7 +46,8 @@ class InsideFence(Invariant):
         if clearance_m >= 0.0 or not moment.is_under_way:
             self._crossed_m_s, self._is_excused = None, False
             return
-        self._is_excused |= _is_pilots(moment) or self.facts.is_out_of_control(moment.t_s)
+        is_carried = self.facts.is_out_of_control(moment.t_s) or self.facts.drifts(moment.t_s)
+        self._is_excused |= _is_pilots(moment) or is_carried
         if self._is_excused:
             return
         if self._crossed_m_s is None:

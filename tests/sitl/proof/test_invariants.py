@@ -62,6 +62,23 @@ def test_where_a_pilot_flies_is_his_own_matter_until_it_is_back_inside() -> None
     assert told(judge)
 
 
+@pytest.mark.parametrize(
+    ("faults", "is_calm", "is_excused"),
+    [
+        (["sensor:imu=late@4..5"], True, True),
+        (["sensor:imu=biased@4..5"], True, False),
+        (["sensor:fix=stuck@4..5"], False, True),
+        (["sensor:fix=stuck@4..5"], True, False),
+        ([], False, False),
+    ],
+)
+def test_what_nobody_can_steer_may_leave_the_fence(faults: list[str], is_calm: bool, is_excused: bool) -> None:
+    judge = InsideFence(facts(*faults, is_calm=is_calm))
+    judge.observe(moment(6.0))
+    judge.observe(moment(6.1, **OUTSIDE))
+    assert bool(told(judge)) is not is_excused
+
+
 def test_a_diver_keeps_off_the_floor() -> None:
     judge = AboveFloor(facts(floor_height_m=-20.0))
     judge.observe(moment(5.0, position_ned_m=(0.0, 0.0, 19.0)))

@@ -16,7 +16,7 @@ from tests.evidence.mutants import SOURCES, Mutant, NotFound, copied, place, tex
 from tests.evidence.page import ROOT, Bar, Figure, Progress
 
 LIST: Final = ROOT / "tests/proof/planted/mistakes.yaml"
-FLIGHTS: Final = 400
+FLIGHTS: Final = 1600
 BUDGET_S: Final = 1200.0
 """Ten minutes on two cores, in seconds of one processor: so the load of the machine does not count."""
 SHRINK: Final = 40

@@ -43,15 +43,15 @@ class InsideFence(Invariant):
         """Judges one moment."""
         fence = self.facts.mission.fence
         clearance_m = 0.0 if fence is None else fence.clearance_m(moment.position_ned_m)
-        if clearance_m >= 0.0 or not moment.is_under_way:
+        if clearance_m >= 0.0:
             self._crossed_m_s, self._is_excused = None, False
-            return
-        is_carried = self.facts.is_out_of_control(moment.t_s) or self.facts.drifts(moment.t_s)
-        self._is_excused |= _is_pilots(moment) or is_carried
-        if self._is_excused:
             return
         if self._crossed_m_s is None:
             self._crossed_m_s = moment.speed_m_s
+        is_carried = self.facts.is_out_of_control(moment.t_s) or self.facts.drifts(moment.t_s)
+        self._is_excused |= _is_pilots(moment) or is_carried
+        if self._is_excused or not moment.is_under_way:
+            return
         speed = self._crossed_m_s
         stopping_m = REACTION_S * speed + speed * speed / (2.0 * self.facts.platform.limits.acceleration_m_s2)
         if -clearance_m > stopping_m + 0.05:

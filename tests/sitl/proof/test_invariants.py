@@ -62,6 +62,16 @@ def test_where_a_pilot_flies_is_his_own_matter_until_it_is_back_inside() -> None
     assert told(judge)
 
 
+def test_what_was_left_outside_at_speed_may_have_come_to_rest_there_and_goes_no_further() -> None:
+    judge = InsideFence(facts())
+    judge.observe(moment(5.0))
+    judge.observe(moment(5.1, velocity_ned_m_s=(4.0, 0.0, 0.0), is_landed=True, **OUTSIDE))
+    judge.observe(moment(9.0, **OUTSIDE))
+    assert not told(judge)
+    judge.observe(moment(9.1, position_ned_m=(26.0, 0.0, -2.0)))
+    assert told(judge)
+
+
 @pytest.mark.parametrize(
     ("faults", "is_calm", "is_excused"),
     [

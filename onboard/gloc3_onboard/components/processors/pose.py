@@ -50,12 +50,14 @@ class _Apart(NamedTuple):
     contradicts_m: float
     """The distance, where it is more than explains itself; else 0."""
     std_m: float
-    """The least standard deviation with which both can be right."""
+    """The least standard deviation with which both can be right; twice that as far as lateness does not explain it."""
 
 
 def _apart(distance_m: float, std_m: float, speed_m_s: float) -> _Apart:
-    allowed_m = APART_SIGMA * std_m + ANTENNA_M + FIX_LATE_S * speed_m_s
-    return _Apart(distance_m if distance_m > allowed_m else 0.0, distance_m / APART_SIGMA)
+    late_m = FIX_LATE_S * speed_m_s
+    allowed_m = APART_SIGMA * std_m + ANTENNA_M + late_m
+    claimed_m = max(distance_m, 2.0 * (distance_m - late_m)) / APART_SIGMA
+    return _Apart(distance_m if distance_m > allowed_m else 0.0, claimed_m)
 
 
 class ReceiverDoubt(NamedTuple):

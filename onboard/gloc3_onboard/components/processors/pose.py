@@ -20,6 +20,8 @@ _NOWHERE: Final = Pose(
 
 DOUBT_S: Final = 60.0
 """Time in which a displacement that the velocity did not explain is forgotten."""
+COMPARED_S: Final = 1.0
+"""Positions farther apart than this in time, as after a crash, are not compared: the velocity has changed in between."""
 
 
 WORTHLESS_M: Final = 10.0
@@ -214,13 +216,6 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._plane = TangentPlane(GeoPoint(*settings.origin_geo)) if settings.origin_geo else None
         self._offset_of = None
 
-    def start(self) -> None:
-        """Begins without a past."""
-        self._last = None
-        self._drift_ned_m, self._jump_m = (0.0, 0.0, 0.0), 0.0
-        self._receiver, self._contradiction, self._height_s = ReceiverCheck(), NO_DOUBT, math.inf
-        self._has_risen = False
-
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
         state = inbox.latest(self.autopilot)
@@ -301,15 +296,15 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._origin_geo = self.settings.origin_geo if is_near else autopilot_origin
 
     def _count_jump(self, position: Vector3, velocity: Vector3, t_s: float) -> None:
-        if self._last is None:
-            return
-        duration_s = t_s - self._last_s
-        step = [
-            now - before - 0.5 * (v_now + v_before) * duration_s
-            for now, before, v_now, v_before in zip(
-                position, self._last.position_ned_m, velocity, self._last.velocity_ned_m_s, strict=True
-            )
-        ]
+        duration_s, last = t_s - self._last_s, self._last
+        step = [0.0, 0.0, 0.0]
+        if last is not None and duration_s <= COMPARED_S:
+            step = [
+                now - before - 0.5 * (v_now + v_before) * duration_s
+                for now, before, v_now, v_before in zip(
+                    position, last.position_ned_m, velocity, last.velocity_ned_m_s, strict=True
+                )
+            ]
         size_m = math.hypot(*step)
         kept = math.exp(-max(duration_s, 0.0) / DOUBT_S)
         n, e, d = (kept * drift + now for drift, now in zip(self._drift_ned_m, step, strict=True))

@@ -219,6 +219,18 @@ def test_a_position_that_drifts_against_its_velocity_is_in_doubt() -> None:
     assert math.hypot(*stage.all(Pose)[-1].position_std_m[:2]) > 0.9
 
 
+@pytest.mark.parametrize("away_s", [0.5, 5.0])
+def test_what_was_in_doubt_stays_so_after_a_crash(away_s: float) -> None:
+    stage = processor(std_m=0.05)
+    for step in range(100):
+        stage.step(0.05, autopilot_pose=autopilot_pose(north=0.01 * step, origin_geo=HOLD))
+    stage.component.initialize(PoseSettings(origin_geo=HOLD, std_m=0.05))
+    stage.component.start()
+    stage.step(away_s, autopilot_pose=autopilot_pose(north=1.0 + 0.2 * away_s, origin_geo=HOLD))
+    drifted_m = math.exp(-away_s / 60.0) + (0.1 if away_s <= 1.0 else 0.0)
+    assert math.hypot(*stage.all(Pose)[-1].position_std_m[:2]) == pytest.approx(drifted_m, rel=0.1)
+
+
 def told(stage: Stage, place_ned_m: tuple[float, float, float], seconds: float, **pose: Any) -> Pose:
     """The last pose at HOLD's origin, beside fixes at that place."""
     place = TangentPlane(GeoPoint(*HOLD)).geo_from_ned(place_ned_m)

@@ -163,6 +163,10 @@ def test_check_says_what_is_wrong_where_and_fails(
     report = json.loads(capsys.readouterr().out)
     assert report["is_ok"] is True
     assert report["findings"][0]["is_warning"] is True
+    path.write_text("a: [")
+    assert run("check", path, "--json") == 1
+    assert json.loads(capsys.readouterr().out)["findings"][0]["line"] == 2
+    assert run("show", path) == 1
 
 
 def test_what_is_asked_of_a_platform_that_nobody_knows_is_not_called_fit_to_fly(

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import nan
-from typing import NamedTuple
+from math import cos, hypot, nan, radians
+from typing import Final, NamedTuple
 
 from gloc3.messages.envelope import Severity
-from gloc3.messages.frames import GeoPoint, Vector3
+from gloc3.messages.frames import GeoPoint, Quaternion, Vector3, rotate
 from gloc3_sitl.autopilot.control.setpoint import LANDED, AttitudeSetpoint, MotionSetpoint, Setpoint
 from gloc3_sitl.autopilot.control.vtol_form import VtolState
 from gloc3_sitl.autopilot.estimator.estimator import Estimator
@@ -14,6 +14,8 @@ from gloc3_sitl.autopilot.mission import MissionProgress, MissionState
 from gloc3_sitl.autopilot.pilot import Pilot
 from gloc3_sitl.autopilot.plans import StoredPlans
 from gloc3_sitl.autopilot.tuning import Tuning
+
+_DOWN: Final = (0.0, 0.0, 1.0)
 
 
 class TouchdownSigns(NamedTuple):
@@ -92,6 +94,55 @@ class TouchdownDetector:
         if is_landed and not self.is_landed:
             self.landed_s = now_s
         self.is_landed = is_landed
+
+
+class CrashDetector:
+    """Copter's crash check: it leans elsewhere than it is steered, and goes nowhere (`crash_check.cpp`)."""
+
+    __slots__ = ("_acceleration_ned_m_s2", "_since_s", "has_crashed")
+
+    OFF_RAD = radians(30.0)
+    """Angle between the thrust and the one that is steered to …"""
+    LEANS_RAD = radians(15.0)
+    """… and between the thrust and the vertical."""
+    MOVES_M_S2, MOVES_M_S = 3.0, 10.0
+    """What accelerates or flies like this still falls."""
+    LASTS_S = 2.0
+    SHARE = 0.11
+    """Of each acceleration, at 50 Hz: a low-pass filter of 1 Hz."""
+
+    def __init__(self) -> None:
+        self.has_crashed = False
+        self._since_s: float | None = None
+        self._acceleration_ned_m_s2: Vector3 = (0.0, 0.0, 0.0)
+
+    def update(self, now_s: float, estimator: Estimator, wanted: Quaternion, *, is_flying: bool) -> None:
+        """Updates from the state, at 50 Hz.
+
+        Args:
+            now_s: the time.
+            estimator: attitude, velocity and acceleration.
+            wanted: the attitude that is steered to, `ned_from_frd`.
+            is_flying: armed, and not on the ground.
+        """
+        smoothed, newest = self._acceleration_ned_m_s2, estimator.inertial.acceleration_ned_m_s2
+        north, east, down = (old + self.SHARE * (new - old) for old, new in zip(smoothed, newest, strict=True))
+        self._acceleration_ned_m_s2 = (north, east, down)
+        if not (is_flying and self._lies(estimator, wanted)):
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+        self.has_crashed = self._since_s is not None and now_s - self._since_s >= self.LASTS_S
+
+    def _lies(self, estimator: Estimator, wanted: Quaternion) -> bool:
+        inertial = estimator.inertial
+        axis, steered = rotate(inertial.ned_from_frd, _DOWN), rotate(wanted, _DOWN)
+        return (
+            axis[2] < cos(self.LEANS_RAD)
+            and sum(is_one * to_be for is_one, to_be in zip(axis, steered, strict=True)) < cos(self.OFF_RAD)
+            and hypot(*self._acceleration_ned_m_s2) < self.MOVES_M_S2
+            and hypot(*inertial.velocity_ned_m_s) < self.MOVES_M_S
+        )
 
 
 class FlightDetector:
@@ -190,6 +241,8 @@ class Craft:
     """Height of the range finder over the ground when the vehicle stands, as in its readings, m."""
     airspeed_m_s: float = nan
     """By the pitot tube, where there is one."""
+    crash: CrashDetector = field(default_factory=CrashDetector)
+    """Only of multirotors."""
     flight: FlightDetector | None = None
     """Whether a plane flies; None for other vehicles."""
     vtol: VtolState | None = None

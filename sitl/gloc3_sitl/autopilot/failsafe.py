@@ -305,6 +305,11 @@ WATCHES: Final = (
         condition=lambda safes: "Leak Detected" if safes.craft.is_leaking else "",
         action=lambda tuning: tuning.leak_action,
     ),
+    FailsafeRow(
+        name="crash",
+        condition=lambda safes: "Crash: Disarming" if safes.craft.crash.has_crashed else "",
+        action=lambda tuning: tuning.crash_action,
+    ),
     FailsafeRow(name="attitude", condition=_attitude_lost, action=lambda _: FailsafeAction.TERMINATE),
     FailsafeRow(name="position", condition=_position_lost, action=lambda tuning: tuning.position_lost_action),
     FailsafeRow(name="fence", condition=_fence_broken, action=lambda tuning: tuning.fence_action),

@@ -119,6 +119,8 @@ class Tuning:
     pilot_override_stick: float = 0.3
     transition_action: FailsafeAction = FailsafeAction.RETURN
     """After a transition to wings that has failed, on rotors again."""
+    crash_action: FailsafeAction = FailsafeAction.NONE
+    """When it lies on its side."""
     leak_action: FailsafeAction = FailsafeAction.NONE
     position_lost_action: FailsafeAction = FailsafeAction.LAND
     position_lost_s: float = 1.0

@@ -273,6 +273,20 @@ def test_without_its_inertial_unit_it_stops_its_motors(style: str) -> None:
     assert 0 < samples == bench.counts["HIGHRES_IMU"], "nothing old is repeated"
 
 
+@pytest.mark.parametrize("checks", [1, 0])
+def test_ardupilot_disarms_what_has_crashed(checks: int) -> None:
+    bench = Bench("ardupilot")
+    bench.set_parameter("FS_CRASH_CHECK", checks)
+    bench.take_off()
+    bench.run(5.0)
+    assert not bench.autopilot.craft.crash.has_crashed
+    bench.sim.motors_left[1] = 0.0
+    bench.run(12.0)
+    assert bench.position[2] > -0.5
+    assert bench.is_armed is (checks == 0)
+    assert ("Failsafe: Crash: Disarming" in bench.texts) is (checks == 1)
+
+
 @pytest.mark.parametrize(("choice", "mode"), [(2, "Hold"), (3, "Return"), (5, "Land")])
 def test_px4_acts_at_the_height_of_its_fence(choice: int, mode: str) -> None:
     bench = Bench()

@@ -139,6 +139,9 @@ class MultirotorControl:
             raise Misuse(f"a multirotor does not accept {type(setpoint).__name__}")
         self._detect_touchdown(setpoint)
         self.steer(setpoint)
+        craft = self._craft
+        steers_attitude = craft.is_armed and not craft.is_landed and not self._flies_rates
+        craft.crash.update(craft.now_s, craft.estimator, self.wanted_attitude, is_flying=steers_attitude)
 
     def steer(self, setpoint: MotionSetpoint | AttitudeSetpoint) -> None:
         """Turns a setpoint into an attitude (or rates) and a thrust."""

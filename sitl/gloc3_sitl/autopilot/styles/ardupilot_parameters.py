@@ -49,6 +49,7 @@ _POSITION_LOST: Final[Mapping[int, FailsafeAction]] = {
     2: FailsafeAction.POSITION,
     3: FailsafeAction.LAND,
 }
+_CRASH: Final[Mapping[int, FailsafeAction]] = {0: FailsafeAction.NONE, 1: FailsafeAction.DISARM}
 _CHECKS_SKIPPED: Final[Mapping[int, int]] = {0: -1, 1: 0}
 
 TRANSMITTER: Final = (
@@ -94,6 +95,7 @@ PARAMETERS: Final[tuple[AutopilotParameter, ...]] = (
     whole("FS_GCS_ENABLE", 0, 0, 7, "station loss action", "station_lost_action", _STATION_LOST, ParameterKind.INT8),
     real("FS_GCS_TIMEOUT", 5.0, 2.0, 120.0, "station loss timeout, s", "station_timeout_s"),
     whole("FS_THR_ENABLE", 1, 0, 7, "transmitter loss action", "pilot_lost_action", _PILOT_LOST, ParameterKind.INT8),
+    whole("FS_CRASH_CHECK", 1, 0, 1, "disarms what has crashed", "crash_action", _CRASH, ParameterKind.INT8),
     whole("FS_OPTIONS", 16, 0, 511, "modes in which failsafes change nothing"),
     whole("FS_EKF_ACTION", 1, 1, 3, "position loss action", "position_lost_action", _POSITION_LOST, ParameterKind.INT8),
     real("FS_EKF_THRESH", 0.8, 0.6, 1.0, "estimator variance that counts as failure"),

@@ -244,11 +244,12 @@ def test_a_low_battery_is_only_told_and_forbids_arming() -> None:
     assert "battery low: 12 %" in bench.autopilot.commander.problems()
 
 
+@pytest.mark.parametrize("failure", ["lost", "late"])
 @pytest.mark.parametrize(("style", "mode"), [("px4", "Land"), ("ardupilot", "LAND")])
-def test_a_lost_position_lands_it(style: str, mode: str) -> None:
+def test_a_lost_position_lands_it(style: str, mode: str, failure: str) -> None:
     bench = Bench(style)
     bench.take_off()
-    bench.sim.sensors.fail("fix", "lost")
+    bench.sim.sensors.fail("fix", failure)
     used = bench.run_until(lambda: bench.mode == mode, 4.0)
     assert used > 0.9
     bench.run_until(lambda: not bench.is_armed, 20.0)

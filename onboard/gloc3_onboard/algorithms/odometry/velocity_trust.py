@@ -10,6 +10,10 @@ AT_REST_M_S: Final = 0.02
 COMMANDED_M_S: Final = 0.2
 STANDS_S: Final = 2.0
 """How long the wheels may stand still against a command of at least that speed, without satellites to check, s."""
+STOPS_FROM_M_S: Final = 0.5
+"""Wheels that turned faster than this, and stand at the next reading, do not brake: their encoders have failed."""
+
+_STAND: Final = "the wheels stand although motion is asked for"
 
 
 class VelocityTrust:
@@ -20,6 +24,10 @@ class VelocityTrust:
         self._agreements = 0
         self._contradictions = 0
         self._stands_since_s: float | None = None
+        self._speed_m_s = 0.0
+        """The last measured speed."""
+        self._has_stopped = False
+        """Whether they stand from one reading to the next, although motion is asked for."""
 
     @property
     def is_doubted(self) -> bool:
@@ -53,10 +61,15 @@ class VelocityTrust:
             self._is_distrusted = self._agreements < AGREEMENTS
         if self._is_distrusted:
             return "the wheels contradict the satellites"
+        before_m_s, self._speed_m_s = self._speed_m_s, speed_m_s
+        stands = speed_m_s <= AT_REST_M_S and commanded_m_s >= COMMANDED_M_S
+        self._has_stopped = stands and (self._has_stopped or before_m_s > STOPS_FROM_M_S)
+        if self._has_stopped:
+            return _STAND
         since_s = self._stands_since_s
         is_reported = since_s is not None and t_s - since_s > STANDS_S
         if has_satellites or speed_m_s > AT_REST_M_S or (commanded_m_s < COMMANDED_M_S and not is_reported):
             self._stands_since_s = None
             return ""
         self._stands_since_s = t_s if since_s is None else since_s
-        return "the wheels stand although motion is asked for" if is_reported else ""
+        return _STAND if is_reported else ""

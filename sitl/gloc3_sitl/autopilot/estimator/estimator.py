@@ -16,6 +16,8 @@ _FIRST_MEASUREMENTS: Final = 10
 _STUCK: Final = 10
 """So many equal readings of a magnetometer in a row: a working one has noise."""
 _FIX_LOST_S: Final = 0.5
+_FIX_LATE_S: Final = 0.5
+"""Age of a fix from which it says nothing about the present: PX4 keeps no states that are older than EKF2_DELAY_MAX."""
 _IMU_LOST_S: Final = 0.1
 """Age of the newest inertial sample from which there is no estimate of the present."""
 _BAROMETER_M2, _DEPTH_M2 = 0.25, 0.0025
@@ -117,6 +119,8 @@ class Estimator:
         """A satellite fix."""
         self.fix = fix
         if not self.is_aligned or fix.fix_type < 3 or fix.horizontal_accuracy_m > 5.0:
+            return
+        if now_s - fix.t_s > _FIX_LATE_S:
             return
         if self.origin is None:
             d = self.inertial.position_ned_m[2]

@@ -190,6 +190,18 @@ def test_wheels_that_stand_although_motion_is_asked_for_are_said_to_tell_nothing
         drive = Drive(bench)
         drive.run(4.0, 0.0)
         drive.run(8.0, 1.5)
-        lost = drive.run(8.0, 1.5, wheels_m_s=0.0, sees=False)
+        lost = drive.run(5.0, 1.5, wheels_m_s=0.0, sees=False)
         assert lost.reason == "adrift: the wheels stand although motion is asked for"
         assert lost.position_std_m[0] > 2.0
+
+
+@pytest.mark.parametrize(("speed_m_s", "is_believed"), [(1.5, False), (0.3, True)])
+def test_wheels_that_stand_from_one_reading_to_the_next_have_not_braked(speed_m_s: float, is_believed: bool) -> None:
+    with Bench() as bench:
+        drive = Drive(bench)
+        drive.run(4.0, 0.0)
+        drive.run(8.0, speed_m_s)
+        frozen = drive.run(0.5, speed_m_s, wheels_m_s=0.0)
+        assert (abs(frozen.velocity_ned_m_s[0]) < 0.5 * speed_m_s) is is_believed
+        assert frozen.position_ned_m[0] == pytest.approx(drive.true_m, abs=0.2)
+        assert drive.run(2.5, speed_m_s).sources == ["wheels", "heading", "satellites"]

@@ -81,9 +81,10 @@ def missions(platform: str) -> list[FlightCase]:
     """The missions of a platform, without faults; each search has seeds of its own."""
     loaded = load_platform(platform)
     found = []
-    given = INDOORS if platform in PERCEIVED else WINGED if loaded.limits.turn_radius_m else SHORT
+    given: Sequence[ShorterTemplate] = WINGED if loaded.limits.turn_radius_m else SHORT
+    given = INDOORS if platform in PERCEIVED else given
     if platform == "hummingbird":
-        given = given[:2]
+        given = INDOORS[:2]
         found.append(FlightCase(mission="inspection", platform=platform, seed=2000))
     for number, one in enumerate(given):
         text = mission_from(one.template, loaded, f"{platform}.mission.schema.json")

@@ -210,8 +210,8 @@ BARS = (
         "planted",
         "The search finds planted mistakes that the tests miss",
         "Each of these mistakes is made alone in a copy of the tree. The tests that touch the module still pass: the "
-        f"folder of tests for its room, and the files that import it (`pytest -m '{MARKS}'`). Whether three files of "
-        "flights notice it is told, too: those that do need no search, but show how soon it finds what a flight breaks. "
+        f"folder of tests for its room, and the files that import it (`pytest -m '{MARKS}'`). Three files of flights are "
+        "run with it as well. What they notice needs no search; it shows how soon the search finds what a flight breaks. "
         "`gloc3 prove` does not know the mistake, and finds a flight that it breaks and that breaks nothing without "
         "it. The time is the processor's, so that other work on the machine does not count: ten minutes on two cores "
         "are 1,200 s.",

@@ -17,6 +17,8 @@ from gloc3.messages.vehicle import (
     FenceState,
     FlightMode,
     HeightAboveGround,
+    ManoeuvreKind,
+    ManoeuvreState,
     Pose,
     Setpoint,
 )
@@ -36,6 +38,14 @@ STOOD_STILL_AGAIN_S: Final = 2.0
 """Not again so soon after it: a process that never has time is one that has no time."""
 OURS: Final = (FlightMode.GUIDED, FlightMode.HOLD, FlightMode.TAKE_OFF, FlightMode.LAND)
 """Modes in which a vehicle that a former life of a driver, or of this process, flew may be taken up again."""
+COMMANDED: Final = {
+    ManoeuvreKind.TAKE_OFF: (FlightMode.TAKE_OFF, FlightMode.GUIDED),
+    ManoeuvreKind.SET_OFF: (FlightMode.GUIDED,),
+    ManoeuvreKind.LAND: (FlightMode.LAND,),
+    ManoeuvreKind.HOLD: (FlightMode.HOLD,),
+    ManoeuvreKind.PLAN: (FlightMode.MISSION,),
+}
+"""Modes that the driver commands for each manoeuvre; the answer may come after the end of its life."""
 SETPOINTS_MISSED: Final = "no setpoint for 0.5 s: holding for {:g} s, and until setpoints come steadily"
 """Told once, and again after setpoints have been followed for half a minute; `DriverState.expired` counts."""
 TAKE_OVER_S: Final = 2.0
@@ -301,8 +311,9 @@ class Handover:
     """Distinguishes a driver that restarted in flight from a pilot's takeover (DESIGN §7).
 
     A new driver finds an armed vehicle and cannot know who has control. The server can: if the mode is still the one
-    before the restart, or the hold in which a failing driver leaves the vehicle, nobody has taken over. The time for that
-    begins when the autopilot is connected; where it was not, a transmitter means that a pilot may have taken over unseen.
+    before the restart, one that the former driver was just commanding, or the hold in which a failing driver leaves the
+    vehicle, nobody has taken over; nor where a landing of ours has ended meanwhile. The time for that begins when the
+    autopilot is connected; where it was not, a transmitter means that a pilot may have taken over unseen.
     """
 
     def __init__(self) -> None:
@@ -312,6 +323,7 @@ class Handover:
         self._boot: int | None = None
         self._was_ours = False
         self._mode = FlightMode.OTHER
+        self._commanded: tuple[FlightMode, ...] = ()
         self._until_s = float("-inf")
 
     def update(self, report: Envelope[DriverState], autopilot: AutopilotState | None, now_s: float) -> None:
@@ -327,14 +339,23 @@ class Handover:
             self.is_landing = False
             self._was_ours = not report.payload.has_pilot_control
             self._mode = autopilot.mode if autopilot is not None else FlightMode.OTHER
+            self._commanded = self._modes_commanded(report.payload)
 
     def is_ours(self, driver: DriverState, autopilot: AutopilotState | None, now_s: float) -> bool:
         """Whether the control that the new driver attributes to a pilot was ours; the driver must then be told."""
-        if not driver.has_pilot_control or now_s >= self._until_s or autopilot is None or not autopilot.is_armed:
+        if not driver.has_pilot_control or now_s >= self._until_s or autopilot is None:
             return False
         if self._was_blind and autopilot.has_transmitter:
             return False
-        if self.is_landing and autopilot.mode is FlightMode.LAND:
-            return True
+        before = (self._mode, *self._commanded, *((FlightMode.LAND,) if self.is_landing else ()))
+        if not autopilot.is_armed:
+            return FlightMode.LAND in before  # which has ended meanwhile
         modes = (*OURS, FlightMode.MISSION)  # of a plan that goes on by itself
-        return autopilot.mode in modes and autopilot.mode in (self._mode, FlightMode.HOLD)
+        return autopilot.mode in modes and autopilot.mode in (*before, FlightMode.HOLD)
+
+    @staticmethod
+    def _modes_commanded(driver: DriverState) -> tuple[FlightMode, ...]:
+        """Those of the manoeuvre that is under way, and of the stream of setpoints."""
+        is_running = driver.manoeuvre is not None and driver.manoeuvre_state is ManoeuvreState.RUNNING
+        manoeuvre = COMMANDED[driver.manoeuvre] if driver.manoeuvre is not None and is_running else ()
+        return (*manoeuvre, FlightMode.GUIDED) if driver.is_streaming else manoeuvre

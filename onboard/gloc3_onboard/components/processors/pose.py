@@ -81,7 +81,8 @@ class ReceiverCheck:
 
     The autopilot's estimate is made of the receiver's fixes, among others: it is no better than the receiver claims, it
     may reject fixes that are right, and follows a receiver that repeats its last fix: then it is not valid, and is claimed
-    to be off the more, the longer that lasts.
+    to be off the more, the longer that lasts. A receiver that is heard again in flight may be repeating itself already:
+    until its second position it is not believed either.
     """
 
     def __init__(self) -> None:
@@ -91,20 +92,31 @@ class ReceiverCheck:
         """How many fixes have repeated the last position."""
         self._alike = 0
         """How many have repeated all that the last one reports."""
+        self.is_awaited = False
+        """Whether its second position after a silence in flight has not come."""
         self._speeds_m_s = (0.0, 0.0)
         """Of the estimate, level and vertical, before the receiver froze."""
 
-    def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool) -> None:
+    def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool, may_fly: bool) -> None:
         """Handles a fix, valid or not; at rest on the ground receivers may hold their position.
 
         A vehicle that sinks or climbs slowly may seem to rest in between: that takes back no repetition in flight.
+
+        Args:
+            fix: the fix.
+            t_s: its time.
+            is_in_flight: whether it is certain that the vehicle is off the ground.
+            may_fly: whether it may be.
         """
+        self.is_awaited = self.is_awaited and may_fly
         is_same = self._fix is not None and fix.place_geo == self._fix.place_geo and fix.is_valid
-        if is_same and (is_in_flight or self.frozen_s(t_s)):
+        if may_fly and t_s - self._fix_s > FIX_EXPIRES_S:
+            self.is_awaited, self._changed_s, self._same, self._alike = True, t_s, 0, 0
+        elif is_same and (is_in_flight or self.is_frozen):
             self._same += 1
             self._alike = self._alike + 1 if fix == self._fix else 0
         elif not is_same:
-            self._changed_s, self._same, self._alike = t_s, 0, 0
+            self.is_awaited, self._changed_s, self._same, self._alike = False, t_s, 0, 0
         elif not self._same:
             self._changed_s = t_s
         self._fix, self._fix_s = fix, t_s
@@ -114,10 +126,14 @@ class ReceiverCheck:
         fix = self._recent(t_s)
         return 0.0 if fix is None else fix.std_m
 
+    @property
+    def is_frozen(self) -> bool:
+        """Whether the receiver repeats itself, or may do so."""
+        return self.is_awaited or self._alike >= FROZEN_FIXES - 1 or self._same >= FROZEN_PLACES - 1
+
     def frozen_s(self, t_s: float) -> float:
-        """Since when the receiver has been repeating itself, s; 0 if it does not."""
-        is_frozen = self._alike >= FROZEN_FIXES - 1 or self._same >= FROZEN_PLACES - 1
-        return t_s - self._changed_s if is_frozen else 0.0
+        """Since when the position has not changed, s."""
+        return max(t_s - self._changed_s, 0.0)
 
     def doubt(
         self, position_ned_m: Vector3, velocity_ned_m_s: Vector3, t_s: float, plane: TangentPlane
@@ -134,10 +150,10 @@ class ReceiverCheck:
         level_m_s, upright_m_s = math.hypot(*velocity_ned_m_s[:2]), abs(velocity_ned_m_s[2])
         level = _apart(math.hypot(north, east), fix.std_m, level_m_s)
         height = _apart(abs(down), fix.height_std_m, upright_m_s)
-        frozen_s = self.frozen_s(t_s)
-        if not frozen_s:
+        if not self.is_frozen:
             self._speeds_m_s = level_m_s, upright_m_s
             return ReceiverDoubt(level.contradicts_m, level.std_m, max(height.contradicts_m, height.std_m))
+        frozen_s = self.frozen_s(t_s)
         drift_m = 0.5 * FROZEN_M_S2 * frozen_s**2
         level_m, upright_m = (speed * frozen_s + drift_m for speed in self._speeds_m_s)
         return ReceiverDoubt(
@@ -219,9 +235,11 @@ class PoseProcessor(DataProcessor[PoseSettings]):
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """One pose for each of the autopilot's."""
         state = inbox.latest(self.autopilot)
-        is_in_flight = state is not None and self._is_off_the_ground(state.payload.landed)
+        landed = LandedState.UNKNOWN if state is None else state.payload.landed
+        is_in_flight = self._is_off_the_ground(landed)
+        may_fly = is_in_flight or (landed in _OFF_THE_GROUND and not self.settings.is_level)
         for fix in inbox.new(self.satellites):
-            self._receiver.receive(fix.payload, fix.t_s, is_in_flight=is_in_flight)
+            self._receiver.receive(fix.payload, fix.t_s, is_in_flight=is_in_flight, may_fly=may_fly)
         return [
             self.pose.report(self._place(envelope.payload, envelope.t_s), t_s=envelope.t_s)
             for envelope in inbox.new(self.autopilot_pose)
@@ -260,7 +278,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         self._contradiction = self._contradicted(given, t_s)
         self._height_s = t_s if given.has_height else min(self._height_s, t_s)
         std_m = self._std_m(t_s)
-        if not self.reason and (self._receiver.frozen_s(t_s) or self._contradiction.level_m >= self.settings.lost_m):
+        if not self.reason and (self._receiver.is_frozen or self._contradiction.level_m >= self.settings.lost_m):
             self.reason = self._why_lost(t_s)
         pose = Pose(
             position_ned_m=position,
@@ -321,8 +339,10 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         return self._receiver.doubt(given.position_ned_m, given.velocity_ned_m_s, t_s, self._on_earth[1])
 
     def _why_lost(self, t_s: float) -> str:
-        if frozen_s := self._receiver.frozen_s(t_s):
-            return f"the satellite receiver has been repeating one position for {frozen_s:.0f} s"
+        if self._receiver.is_awaited:
+            return "the satellite receiver was silent: its second position is awaited"
+        if self._receiver.is_frozen:
+            return f"the satellite receiver has been repeating one position for {self._receiver.frozen_s(t_s):.0f} s"
         return f"the autopilot's position is {self._contradiction.level_m:.0f} m from its satellite receiver's"
 
     def _quality(self) -> float:

@@ -324,6 +324,8 @@ class DriverState(Message, frozen=True):
     steady_s: float = 0.0
     """Time for which setpoints must arrive steadily before the autopilot is commanded to follow them, s; 0 without
     recent gaps."""
+    is_after_landing: bool = False
+    """The autopilot is in a mode that it enters by itself after a landing, as ArduSub does."""
 
 
 class MotionLimits(Message, frozen=True):

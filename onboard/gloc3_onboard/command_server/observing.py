@@ -351,7 +351,8 @@ class Handover:
         if not autopilot.is_armed:
             return FlightMode.LAND in before  # which has ended meanwhile
         modes = (*OURS, FlightMode.MISSION)  # of a plan that goes on by itself
-        return autopilot.mode in modes and autopilot.mode in (*before, FlightMode.HOLD)
+        mode = FlightMode.LAND if driver.is_after_landing else autopilot.mode
+        return mode in modes and mode in (*before, FlightMode.HOLD)
 
     @staticmethod
     def _modes_commanded(driver: DriverState) -> tuple[FlightMode, ...]:

@@ -416,6 +416,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             is_failsafe=self._watch.is_failsafe,
             held_after_gap_s=self._watch.held_after_gap_s,
             steady_s=stream.steady_s,
+            is_after_landing=self._autopilot is not None
+            and self._autopilot.mode_name in self._control.behaviour.lands_into,
         )
         if state == self._reported and now_s - self._reported_s < STATE_PERIOD_S - 1e-9:
             return []

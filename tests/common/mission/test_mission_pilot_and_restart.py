@@ -295,6 +295,37 @@ def test_a_restart_on_the_ground_moves_nothing(pelican: Platform) -> None:
     assert again.running() == ["depart.climb"]
 
 
+@pytest.mark.parametrize(("on_restart", "policy"), [("continue", "hold"), ("hold", "hold"), ("land", "land")])
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_take_off_that_was_commanded_before_a_restart_on_the_ground_ends_under_the_mission_s_policy(
+    pelican: Platform, on_restart: str, policy: str, times: int
+) -> None:
+    rig = Rig(pelican, MISSION.replace("hold_s: 30", f"hold_s: 30\non_restart: {on_restart}"))
+    rig.start()
+    for _ in range(times):
+        rig = rig.restart(is_airborne=False)
+        assert rig.executor.policy == ""
+    rig.fly()
+    assert rig.executor.policy == policy
+    if policy == "hold":
+        rig.steer("resume")
+        assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
+def test_a_take_off_after_a_restart_that_an_operator_or_a_pilot_wants_is_theirs(pelican: Platform) -> None:
+    rig = Rig(pelican, MISSION)
+    rig.start()
+    resumed = rig.restart(is_airborne=False)
+    resumed.steer("resume")
+    resumed.fly()
+    assert resumed.executor.policy == ""
+    assert resumed.running() == ["depart.climb"]
+    flown = rig.restart(is_airborne=False)
+    flown.executor.pilot(True, "armed by another party", flown.now_s)
+    flown.fly()
+    assert flown.executor.policy == "pilot"
+
+
 def test_a_policy_that_was_being_carried_out_goes_on_after_a_restart(rig: Rig) -> None:
     rig.arise(PolicyCondition.LOW_BATTERY)
     again = rig.restart(is_airborne=True)

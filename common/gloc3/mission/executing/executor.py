@@ -277,6 +277,8 @@ class MissionExecutor:
             return
         air.is_reported = is_airborne
         if is_airborne:
+            if not air.is_taking_off:
+                reactions.lifted_off(self.board, now_s)
             air.is_taking_off = False
         else:
             air.has_landed = False

@@ -9,9 +9,10 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import manoeuvres
-from gloc3.mission.executing.board import Board, PolicyCondition, PolicyManoeuvre
+from gloc3.mission.executing.board import RESTART, Board, PolicyCondition, PolicyManoeuvre
 from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.executing.snapshot import PlannedSilence
+from gloc3.mission.model.arguments import LandOrder, SetOff
 from gloc3.mission.model.model import Contingency, answer, part_of
 from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
 from gloc3.mission.model.states import ActionState, StateTrigger
@@ -49,6 +50,32 @@ def apply_policy(board: Board, condition: PolicyCondition, reason: str, now_s: f
     board.report(Severity.WARNING, f"{condition}{': ' + reason if reason else ''}; policy: {policy}")
     if policy in MANOEUVRES:
         manoeuvres.apply(board, policy, str(condition), now_s)
+
+
+def lifted_off(board: Board, now_s: float) -> None:
+    """The vehicle is in the air without a take-off that began in this life of the process.
+
+    What was commanded before a restart on the ground may have taken it off: `on_restart` applies then, as in flight; the
+    mission has been paused in between and is not continued.
+    """
+    if board.has_pilot or all(program.reason != RESTART for program in board.programs.values()):
+        return
+    for program in board.programs.values():
+        finish_interrupted(board, program, SetOff, now_s)
+    left_in_restart(board, "restart during the take-off", now_s)
+
+
+def finish_interrupted(board: Board, program: MissionProgram, kind: type[SetOff | LandOrder], now_s: float) -> None:
+    """Ends the take-offs or landings that a restart has interrupted, where the vehicle shows that they are over."""
+    for run in program.actions():
+        if run.is_open and isinstance(run.action.order, kind):
+            board.move(run, StateTrigger.FINISH, now_s, RESTART)
+
+
+def left_in_restart(board: Board, cause: str, now_s: float) -> None:
+    """Carries out `on_restart` in flight; a mission that cannot be continued holds."""
+    policy = Policy(board.policies.on_restart)
+    manoeuvres.apply(board, Policy.HOLD if policy is Policy.CONTINUE else policy, cause, now_s)
 
 
 def lose_component(board: Board, component: str, policy: Policy, reason: str, now_s: float) -> None:

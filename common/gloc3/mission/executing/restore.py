@@ -5,18 +5,22 @@ from collections.abc import Callable
 from gloc3.errors import InputError
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import elsewhere, flow, manoeuvres
-from gloc3.mission.executing.board import Board
+from gloc3.mission.executing.board import RESTART, Board
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.executing.items import ActionRun, MissionProgram
-from gloc3.mission.executing.reactions import CONTINGENCY, contingency_manoeuvre, restored_silence
+from gloc3.mission.executing.reactions import (
+    CONTINGENCY,
+    contingency_manoeuvre,
+    finish_interrupted,
+    left_in_restart,
+    restored_silence,
+)
 from gloc3.mission.executing.snapshot import ProgramSnapshot, Snapshot
 from gloc3.mission.model.arguments import LandOrder, SetOff
 from gloc3.mission.model.model import Mission, part_of
 from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.platform.platform import Platform
-
-_RESTART = "restart"
 
 
 def restore(
@@ -48,9 +52,7 @@ def restore(
             board.report(Severity.ERROR, f"after the restart {kept.name} cannot be read: {error.findings[0]}")
             continue
         _bring_back(program, kept, now_s)
-        for run in program.actions():
-            if run.is_open and isinstance(run.action.order, SetOff if is_airborne else LandOrder):
-                board.move(run, StateTrigger.FINISH, now_s, _RESTART)
+        finish_interrupted(board, program, SetOff if is_airborne else LandOrder, now_s)
         if program.is_mission:
             board.policies = program.mission.policies
             elsewhere.expect(board, program, now_s)
@@ -58,21 +60,21 @@ def restore(
             assert snapshot.contingency is not None
             board.manoeuvre = contingency_manoeuvre(program, snapshot.contingency, snapshot.cause)
         elif program.is_open:
-            board.end_all(program, StateTrigger.ABORT, now_s, _RESTART)
-            board.move(program, StateTrigger.ABORT, now_s, _RESTART)
+            board.end_all(program, StateTrigger.ABORT, now_s, RESTART)
+            board.move(program, StateTrigger.ABORT, now_s, RESTART)
     board.silence = restored_silence(snapshot.silence, now_s)
     mission = board.mission
     if snapshot.has_pilot:
-        executor.pilot(True, f"as before the {_RESTART}", now_s)
+        executor.pilot(True, f"as before the {RESTART}", now_s)
     elif board.manoeuvre is not None and board.manoeuvre.program is not None:
         _continue_policy(executor, board.manoeuvre.program, now_s)
     elif snapshot.policy is not None and is_airborne:
-        cause = snapshot.cause.removesuffix(f", {_RESTART}")
-        manoeuvres.continue_policy(board, snapshot.policy, f"{cause}, {_RESTART}", snapshot.land_at_s, now_s)
+        cause = snapshot.cause.removesuffix(f", {RESTART}")
+        manoeuvres.continue_policy(board, snapshot.policy, f"{cause}, {RESTART}", snapshot.land_at_s, now_s)
     elif mission is not None and mission.is_open:
         _go_on(executor, mission, is_airborne, now_s)
     elif mission is None and is_airborne and any(kept.own.state is ActionState.RUNNING for kept in snapshot.programs):
-        manoeuvres.apply(board, Policy.HOLD, _RESTART, now_s)
+        manoeuvres.apply(board, Policy.HOLD, RESTART, now_s)
     executor.settle(now_s)
     return executor
 
@@ -86,7 +88,7 @@ def _goes_on(board: Board, snapshot: Snapshot, is_airborne: bool) -> bool:
 def _continue_policy(executor: MissionExecutor, contingency: MissionProgram, now_s: float) -> None:
     executor.board.report(Severity.WARNING, "restart in flight: the contingency goes on")
     for run in contingency.actions():
-        if run.paused_by == _RESTART and run.state is ActionState.PAUSED:
+        if run.paused_by == RESTART and run.state is ActionState.PAUSED:
             flow.go_on_after_pause(executor.board, run, now_s)
 
 
@@ -97,15 +99,14 @@ def _bring_back(program: MissionProgram, kept: ProgramSnapshot, now_s: float) ->
         if item.target in kept.items:
             item.restore(kept.items[item.target], now_s)
         if isinstance(item, ActionRun) and item.state is ActionState.RUNNING:
-            item.move(StateTrigger.PAUSE, now_s, _RESTART)
-            item.paused_by = _RESTART
+            item.move(StateTrigger.PAUSE, now_s, RESTART)
+            item.paused_by = RESTART
 
 
 def _go_on(executor: MissionExecutor, mission: MissionProgram, is_airborne: bool, now_s: float) -> None:
     board = executor.board
-    interrupted = [run for run in mission.actions() if run.paused_by == _RESTART]
-    policy = Policy(board.policies.on_restart)
-    if policy is Policy.CONTINUE and is_airborne and mission.state is ActionState.RUNNING:
+    interrupted = [run for run in mission.actions() if run.paused_by == RESTART]
+    if is_airborne and mission.state is ActionState.RUNNING and Policy(board.policies.on_restart) is Policy.CONTINUE:
         board.report(Severity.WARNING, "restart in flight: the mission goes on")
         for run in interrupted:
             if run.state is ActionState.PAUSED:
@@ -113,7 +114,7 @@ def _go_on(executor: MissionExecutor, mission: MissionProgram, is_airborne: bool
         return
     for run in interrupted:
         run.paused_by = mission.level if run.state is ActionState.PAUSED else run.paused_by
-    if is_airborne and policy is not Policy.CONTINUE and mission.state is ActionState.RUNNING:
-        manoeuvres.apply(board, policy, f"{_RESTART} in flight", now_s)
+    if is_airborne and (mission.state is ActionState.RUNNING or mission.reason == RESTART):
+        left_in_restart(board, f"{RESTART} in flight", now_s)
     else:
-        board.halt(mission, mission.level, now_s, _RESTART)
+        board.halt(mission, mission.level, now_s, RESTART)

@@ -20,6 +20,9 @@ ROUGH: Final = 0.7
 """The share of cases that get weather of their own; others have that of the case of which they are a variation, or none."""
 BRIEFLY: Final = {"hang": (0.3, 0.5), "link_loss": (1.0, 4.0), "cable_loss": (0.1, 0.35)}
 """How long a trouble lasts that comes alone and that the stack gets over, in seconds."""
+AROUND_S: Final = (-0.3, 0.1)
+"""Where a trouble that comes alone begins, beside a change of the mission's state or the autopilot's mode, s: it stops what
+commands the change, or what is to see it."""
 ALONE: Final = ("disk_full", "clock_jump", "link_twice", "cable_twice")
 """Troubles that it gets over however long they last."""
 WEATHER: Final = (("wind_m_s", (1.0, 6.0)), ("waves_m", (0.1, 0.4)), ("current_m_s", (0.05, 0.3)))
@@ -32,10 +35,12 @@ class Course(NamedTuple):
     started_s: float
     ended_s: float
     phases: Sequence[tuple[float, str]]
+    changes_s: Sequence[float] = ()
+    """When the mission's state or the autopilot's mode has changed."""
 
 
 class Alone(NamedTuple):
-    """A trouble that comes alone in a phase of the flight."""
+    """A trouble that comes alone in a phase of the flight, or at a change."""
 
     possible: PossibleFault
     begin_s: float
@@ -107,17 +112,23 @@ class Draw:
     # --- alone ---
 
     def alone(self) -> list["Alone"]:
-        """The troubles that the stack gets over when they come alone and are short, in each phase, in a fixed order."""
+        """The troubles that the stack gets over when they come alone and are short, in a fixed order.
+
+        Each comes once in each phase, and at each change.
+        """
         found = [one for group in sorted(self._groups) for one in self._groups[group]]
         found = [one for one in found if _kind(one) in (*BRIEFLY, *ALONE) or (one.is_event and _kind(one) == "crash")]
         begins = [begin_s for begin_s, _ in self._course.phases] or [self._course.started_s]
-        phases = list(zip(begins, [*begins[1:], self._course.ended_s], strict=True))
-        return [Alone(one, *phase) for one in found for phase in phases]
+        times = list(zip(begins, [*begins[1:], self._course.ended_s], strict=True))
+        before_s, after_s = AROUND_S
+        changes = sorted({change_s for change_s in self._course.changes_s if change_s >= self._course.started_s})
+        times += [(change_s + before_s, change_s + after_s) for change_s in changes]
+        return [Alone(one, *time) for one in found for time in times]
 
     def single(self, alone: "Alone", random: Random) -> FlightCase:
         """A case in calm weather with this trouble alone."""
         possible, end_s = alone.possible, None
-        begin_s = round(random.uniform(alone.begin_s, max(alone.begin_s, alone.end_s)), 1)
+        begin_s = round(random.uniform(alone.begin_s, max(alone.begin_s, alone.end_s)), 2)
         if not possible.is_event:
             shortest_s, longest_s = BRIEFLY.get(_kind(possible), (1.0, 30.0))
             end_s = round(begin_s + random.uniform(shortest_s, longest_s), 2)

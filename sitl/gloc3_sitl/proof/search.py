@@ -112,7 +112,7 @@ class Search:
         self.broken_at_rest = flown.broken
         names = {one.invariant for one in flown.broken}
         self.kinds = tuple(kind for kind in self.kinds if kind.name not in names)
-        self.course = Course(flown.started_s, flown.ended_s, flown.phases)
+        self.course = Course(flown.started_s, flown.ended_s, flown.phases, flown.changes_s)
         self._menu = menu
         swims = vehicle_named(_vehicle(self.base)).swims
         self._draw = Draw(self.base, menu, self.course, swims=swims)
@@ -187,7 +187,7 @@ class Search:
                 file.writelines(msgspec.json.encode(one) + b"\n" for one in made)
 
     def _next(self, index: int, random: Random) -> FlightCase:
-        """The case of a flight: at first every other one has a single short trouble, each once in each phase."""
+        """The case of a flight: at first every other one has a single short trouble, once in each phase and at each change."""
         if index % 2 == 0 and index // 2 < len(self._alone):
             return self._draw.single(self._alone[index // 2], random)
         if not self._corpus or random.random() < FRESH:

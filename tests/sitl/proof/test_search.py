@@ -16,7 +16,7 @@ from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
 from gloc3_sitl.faults.fault_text import parse
 from gloc3_sitl.proof.campaign import SearchLimits, run_search
 from gloc3_sitl.proof.case import FlightCase, read_case
-from gloc3_sitl.proof.draw import Course, Draw
+from gloc3_sitl.proof.draw import AROUND_S, Course, Draw
 from gloc3_sitl.proof.found import distinct, five_lines, replay, write_found
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.record import NoTraceback
@@ -120,7 +120,9 @@ def test_at_first_every_other_flight_has_one_short_trouble_each_once(first_fligh
     drawn = {(one.possible.text, one.begin_s) for one in search._alone}
     assert len(drawn) == len(search._alone) > 3 * 40
     begins = {t_s for t_s, _ in search.course.phases}
-    assert {begin_s for what, begin_s in drawn if what == "crash:pose"} == begins
+    around = {t_s + AROUND_S[0] for t_s in search.course.changes_s if t_s >= search.course.started_s}
+    assert len(around) > len(begins)
+    assert {begin_s for what, begin_s in drawn if what == "crash:pose"} == begins | around
     kinds = {one.possible.text.partition(":")[0].partition("=")[0] for one in search._alone}
     assert kinds == {"crash", "hang", "link_loss", "cable_loss", "disk_full", "clock_jump", "link_twice", "cable_twice"}
     fault = parse(next(case.faults[0] for case in singles if case.faults[0].startswith("hang:")))
@@ -180,6 +182,18 @@ def test_what_is_added_to_a_case_begins_where_something_changed_in_its_flight() 
 
     assert late((40.0,)) > 50
     assert late(()) == 0
+
+
+def test_a_trouble_that_comes_alone_comes_in_each_phase_and_at_each_change() -> None:
+    menu = [PossibleFault("hang:autopilot_driver", group="component"), PossibleFault("battery", group="battery")]
+    course = Course(3.0, 20.0, ((3.0, "hop.up"), (12.0, "hop.down")), (1.8, 3.5, 17.7))
+    draw = Draw(HOP, menu, course, swims=False)
+    alone = draw.alone()
+    assert {one.possible.text for one in alone} == {"hang:autopilot_driver"}
+    begins = [parse(*draw.single(one, Random(1)).faults).begin_s for one in alone]
+    bounds = [(3.0, 12.0), (12.0, 20.0), (3.2, 3.6), (17.4, 17.8)]
+    assert len(begins) == len(bounds)
+    assert all(first_s <= begin_s <= last_s for begin_s, (first_s, last_s) in zip(begins, bounds, strict=True))
 
 
 @pytest.mark.flight

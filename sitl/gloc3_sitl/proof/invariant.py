@@ -27,6 +27,8 @@ GONE: Final = ("lost", "stuck", "late", "old")
 """What an inertial unit, or the satellites, may do that leaves nothing to fly by."""
 BLIND_S: Final = 0.3
 """So long they stay upright without it."""
+ALONE_S: Final = 5.0
+"""So long a diver without its companion stays about where it was."""
 RECOVERS_S: Final = 8.0
 """So long after that their autopilot needs to find level, and back."""
 
@@ -114,7 +116,19 @@ class FlightFacts(NamedTuple):
         return self.platform.vehicle.type in ON_ROTORS and self._is_gone("imu", now_s)
 
     def drifts(self, now_s: float) -> bool:
-        """Whether the wind carries away what flies on rotors, whose satellites are gone or late, or were so before."""
+        """Whether nothing holds it in its place, or nothing did a moment ago.
+
+        The wind carries away what flies on rotors, whose satellites are gone or late. What dives drifts while it is without its
+        companion, and has its speed still when that is back.
+        """
+        if self.platform.vehicle.type in DIVING:
+            return any(
+                fault.kind == "cable_loss"
+                and fault.given.number >= 1.0
+                and ALONE_S < now_s - (fault.begin_s or 0.0) <= (fault.lasts_s or 0.0) + RECOVERS_S
+                and (fault.lasts_s or 0.0) > ALONE_S
+                for fault in self.faults
+            )
         return not self.is_calm and self.platform.vehicle.type in ON_ROTORS and self._is_gone("fix", now_s)
 
     def _is_gone(self, sensor: str, now_s: float) -> bool:

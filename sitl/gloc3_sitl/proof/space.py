@@ -30,7 +30,8 @@ class InsideFence(Invariant):
     sentence = (
         "Under way the vehicle stays inside the mission's fence and below its ceiling, but for the distance in which it "
         "stops; a pilot with the transmitter in hand may fly where he likes, and what flies on rotors is not judged while "
-        "its only inertial unit is gone or late, or its satellites are in wind, nor what dives without its companion."
+        "its only inertial unit is gone or late, or its satellites are in wind, nor what dives "
+        "without its companion, or was so until a moment ago."
     )
 
     def __init__(self, facts: FlightFacts) -> None:

@@ -81,8 +81,8 @@ class ReceiverCheck:
 
     The autopilot's estimate is made of the receiver's fixes, among others: it is no better than the receiver claims, it
     may reject fixes that are right, and follows a receiver that repeats its last fix: then it is not valid, and is claimed
-    to be off the more, the longer that lasts. A receiver that is heard again in flight may be repeating itself already:
-    until its second position it is not believed either.
+    to be off the more, the longer that lasts. After a silence of the autopilot in flight it may be repeating itself
+    already: until its second position it is not believed either.
     """
 
     def __init__(self) -> None:
@@ -93,9 +93,13 @@ class ReceiverCheck:
         self._alike = 0
         """How many have repeated all that the last one reports."""
         self.is_awaited = False
-        """Whether its second position after a silence in flight has not come."""
+        """Whether its second position after a silence of the autopilot in flight has not come."""
         self._speeds_m_s = (0.0, 0.0)
         """Of the estimate, level and vertical, before the receiver froze."""
+
+    def silence(self) -> None:
+        """The autopilot was silent, and with it the receiver."""
+        self.is_awaited, self._fix = self.is_awaited or self._fix is not None, None
 
     def receive(self, fix: SatelliteFix, t_s: float, *, is_in_flight: bool, may_fly: bool) -> None:
         """Handles a fix, valid or not; at rest on the ground receivers may hold their position.
@@ -108,15 +112,13 @@ class ReceiverCheck:
             is_in_flight: whether it is certain that the vehicle is off the ground.
             may_fly: whether it may be.
         """
-        self.is_awaited = self.is_awaited and may_fly
         is_same = self._fix is not None and fix.place_geo == self._fix.place_geo and fix.is_valid
-        if may_fly and t_s - self._fix_s > FIX_EXPIRES_S:
-            self.is_awaited, self._changed_s, self._same, self._alike = True, t_s, 0, 0
-        elif is_same and (is_in_flight or self.is_frozen):
+        self.is_awaited = self.is_awaited and may_fly and (is_same or self._fix is None)
+        if is_same and (is_in_flight or self.is_frozen):
             self._same += 1
             self._alike = self._alike + 1 if fix == self._fix else 0
         elif not is_same:
-            self.is_awaited, self._changed_s, self._same, self._alike = False, t_s, 0, 0
+            self._changed_s, self._same, self._alike = t_s, 0, 0
         elif not self._same:
             self._changed_s = t_s
         self._fix, self._fix_s = fix, t_s
@@ -238,11 +240,14 @@ class PoseProcessor(DataProcessor[PoseSettings]):
         landed = LandedState.UNKNOWN if state is None else state.payload.landed
         is_in_flight = self._is_off_the_ground(landed)
         may_fly = is_in_flight or (landed in _OFF_THE_GROUND and not self.settings.is_level)
+        given = inbox.new(self.autopilot_pose)
+        if may_fly and given and self._last is not None and given[0].t_s - self._last_s > FIX_EXPIRES_S:
+            self._receiver.silence()
         for fix in inbox.new(self.satellites):
             self._receiver.receive(fix.payload, fix.t_s, is_in_flight=is_in_flight, may_fly=may_fly)
         return [
             self.pose.report(self._place(envelope.payload, envelope.t_s), t_s=envelope.t_s)
-            for envelope in inbox.new(self.autopilot_pose)
+            for envelope in given
         ]
 
     def _is_off_the_ground(self, landed: LandedState) -> bool:
@@ -340,7 +345,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
 
     def _why_lost(self, t_s: float) -> str:
         if self._receiver.is_awaited:
-            return "the satellite receiver was silent: its second position is awaited"
+            return "the autopilot was silent: the satellite receiver's second position is awaited"
         if self._receiver.is_frozen:
             return f"the satellite receiver has been repeating one position for {self._receiver.frozen_s(t_s):.0f} s"
         return f"the autopilot's position is {self._contradiction.level_m:.0f} m from its satellite receiver's"

@@ -1,6 +1,6 @@
 """Invariants of space: fence, floor, pose and passed waypoints, judged by the truth."""
 
-from math import dist, hypot
+from math import dist, hypot, inf
 from typing import Any, Final
 
 from gloc3.evaluation.requested_path import RequestedFlight
@@ -13,6 +13,8 @@ from gloc3_sitl.proof.invariant import FlightFacts, FlownMission, Invariant, Tru
 
 REACTION_S: Final = 0.5
 """So long the vehicle may go on before it brakes."""
+CAUGHT_S: Final = 2.0
+"""So long after a pilot the speed is his still: the autopilot's own fence brakes what he has flown towards it."""
 FLOOR_M: Final = 0.3
 LEAST_STD_M: Final = 0.02
 """A smaller standard deviation than this is not held against a pose: the model of the body is no better."""
@@ -39,9 +41,12 @@ class InsideFence(Invariant):
         self._crossed_m_s: float | None = None
         self._is_excused = False
         """Whether a pilot has flown it out, or nobody could steer it."""
+        self._piloted_s = -inf
 
     def observe(self, moment: TrueMoment) -> None:
         """Judges one moment."""
+        if _is_pilots(moment):
+            self._piloted_s = moment.t_s
         fence = self.facts.mission.fence
         clearance_m = 0.0 if fence is None else fence.clearance_m(moment.position_ned_m)
         if clearance_m >= 0.0:
@@ -50,7 +55,7 @@ class InsideFence(Invariant):
         if self._crossed_m_s is None:
             self._crossed_m_s = moment.speed_m_s
         is_carried = self.facts.is_out_of_control(moment.t_s) or self.facts.drifts(moment.t_s)
-        self._is_excused |= _is_pilots(moment) or is_carried
+        self._is_excused |= moment.t_s - self._piloted_s <= CAUGHT_S or is_carried
         if self._is_excused or not moment.is_under_way:
             return
         speed = self._crossed_m_s

@@ -62,6 +62,36 @@ def test_where_a_pilot_flies_is_his_own_matter_until_it_is_back_inside() -> None
     assert told(judge)
 
 
+@pytest.mark.parametrize(("after_s", "is_his"), [(1.0, True), (3.0, False)])
+def test_what_a_pilot_has_flown_towards_the_fence_is_his_a_moment_later_too(after_s: float, is_his: bool) -> None:
+    judge = InsideFence(facts())
+    judge.observe(moment(5.0, has_transmitter=True, mode_author=Author.PILOT))
+    judge.observe(moment(5.0 + after_s, has_transmitter=True, mode_author=Author.FAILSAFE, **OUTSIDE))
+    assert bool(told(judge)) != is_his
+
+
+@pytest.mark.parametrize(
+    ("fault", "crossed_s", "is_carried"),
+    [
+        ("cable_loss@5..40", 30.0, True),
+        ("cable_loss@5..40", 47.0, True),
+        ("cable_loss@5..40", 49.0, False),
+        ("cable_loss@5..40", 8.0, False),
+        ("cable_loss@5..9", 12.0, False),
+        ("cable_loss=0.5@5..40", 30.0, False),
+    ],
+)
+def test_a_diver_drifts_while_it_is_without_its_companion_and_a_moment_longer(
+    fault: str, crossed_s: float, is_carried: bool
+) -> None:
+    judge = InsideFence(facts(fault, platform="auv"))
+    judge.observe(moment(crossed_s, **OUTSIDE))
+    assert bool(told(judge)) != is_carried
+    copter = InsideFence(facts(fault))
+    copter.observe(moment(crossed_s, **OUTSIDE))
+    assert told(copter)
+
+
 def test_what_was_left_outside_at_speed_may_have_come_to_rest_there_and_goes_no_further() -> None:
     judge = InsideFence(facts())
     judge.observe(moment(5.0))

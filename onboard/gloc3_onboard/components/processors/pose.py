@@ -245,10 +245,7 @@ class PoseProcessor(DataProcessor[PoseSettings]):
             self._receiver.silence()
         for fix in inbox.new(self.satellites):
             self._receiver.receive(fix.payload, fix.t_s, is_in_flight=is_in_flight, may_fly=may_fly)
-        return [
-            self.pose.report(self._place(envelope.payload, envelope.t_s), t_s=envelope.t_s)
-            for envelope in given
-        ]
+        return [self.pose.report(self._place(envelope.payload, envelope.t_s), t_s=envelope.t_s) for envelope in given]
 
     def _is_off_the_ground(self, landed: LandedState) -> bool:
         """Whether the vehicle is in motion, or hovers: an autopilot reports for seconds after the touchdown that it lands."""

@@ -1,4 +1,7 @@
-"""Flights that once broke an invariant. A new one is a line of `found_cases.jsonl`: the replay file of `gloc3 prove`."""
+"""Flights that once broke an invariant, and flights that one of the planted mistakes would break.
+
+A new one is a line of `found_cases.jsonl`, or of `planted/flights.jsonl`: the replay file of `gloc3 prove`.
+"""
 
 from pathlib import Path
 
@@ -10,7 +13,12 @@ from gloc3_sitl.proof.trial import fly_case
 
 pytestmark = pytest.mark.flight
 
-LINES = (Path(__file__).with_name("found_cases.jsonl")).read_text(encoding="utf-8").splitlines()
+FOLDER = Path(__file__).parent
+LINES = [
+    line
+    for name in ("found_cases.jsonl", "planted/flights.jsonl")
+    for line in (FOLDER / name).read_text(encoding="utf-8").splitlines()
+]
 
 
 @pytest.mark.parametrize("line", LINES)

@@ -18,6 +18,7 @@ from gloc3.messages.vehicle import (
     FlightMode,
     LandedState,
     Manoeuvre,
+    ManoeuvreKind,
     MotionGrant,
     MotionLimits,
     Pose,
@@ -337,6 +338,8 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
             if not self._owner or envelope.payload.action_id != self._owner:
                 self._stream.gate.foreign += 1
                 continue
+            if envelope.payload.kind is ManoeuvreKind.HOLD and self._machine.lands_for(self._owner):
+                continue  # who holds asks again and again, and the landing was asked for over its head
             self._stream.stop()
             self._requested = None
             self._machine.begin(envelope.payload, now_s, self._control.behaviour, self._away_m)

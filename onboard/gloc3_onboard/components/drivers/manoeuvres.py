@@ -128,6 +128,10 @@ class ManoeuvreMachine:
         """Whether a take-off has completed its last step; the owner's setpoints may end it from now on."""
         return self.is_running and self.kind is ManoeuvreKind.TAKE_OFF and not self._steps
 
+    def lands_for(self, action_id: str) -> bool:
+        """Whether a landing is under way that was asked for under this id."""
+        return self.is_running and self.kind is ManoeuvreKind.LAND and self.action_id == action_id
+
     @property
     def is_taking_over(self) -> bool:
         """Whether a mode that ends the owner's setpoints is requested, but not confirmed yet."""

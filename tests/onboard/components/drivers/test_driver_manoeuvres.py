@@ -193,6 +193,21 @@ def test_the_same_landing_can_be_asked_for_again(style: str) -> None:
 
 
 @STYLES
+def test_a_landing_that_the_server_asks_for_is_not_broken_off_by_the_hold_in_whose_name_it_flies(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    rig.wants = lambda: None
+    rig.step(direct_landing=Manoeuvre(action_id="go", kind=LAND))
+    rig.request(HOLD)
+    rig.run(1.0)
+    assert rig.autopilot.reported.mode is FlightMode.LAND
+    assert (rig.state.manoeuvre, rig.state.manoeuvre_state) == (LAND, "running")
+    rig.own("hold")
+    rig.request(HOLD, "hold")
+    rig.run(0.5)
+    assert (rig.autopilot.reported.mode, rig.state.manoeuvre) == (FlightMode.HOLD, HOLD)
+
+
+@STYLES
 def test_hold_as_a_manoeuvre(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None

@@ -35,9 +35,10 @@ app = App(
     - `gloc3 prove --replay runs/prove/found/01-it_ends/replay.json`: fly one finding again, and tell what happens
 
     One to three faults at a time are drawn from everything that fits the platform (see `gloc3 fly --help`), at moments
-    around the beginning of each action more often than elsewhere. Flights that reach something new (an event, a state, a
-    mode, a policy, an order of events) are varied further. A flight that breaks an invariant is shrunk: fewest faults,
-    calm weather, shortest mission, shortest and earliest faults. It is left in `OUT/found/NN-INVARIANT`:
+    around the beginning of each action more often than elsewhere. At first every other flight has a short one alone, in
+    each action and around each change of state or mode. Flights that reach something new (an event, a state, a mode, a
+    policy, an order of events) are varied further. A flight that breaks an invariant is shrunk: fewest faults, calm
+    weather, shortest mission, shortest and earliest faults. It is left in `OUT/found/NN-INVARIANT`:
 
     - `replay.json`: one line, for `gloc3 prove --replay`; a line of `tests/proof/found_cases.jsonl` makes it a test
     - `cause.txt`: five lines: what must hold, what was so, what led there

@@ -8,6 +8,7 @@ from gloc3.messages.envelope import Envelope
 from gloc3.messages.vehicle import Pose
 from gloc3.mission.model.messages import ActionStatus
 from gloc3.mission.model.states import ActionState
+from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.flight.path_error import PASSED_M
 from gloc3_sitl.proof.invariant import FlightFacts, FlownMission, Invariant, TrueMoment
 
@@ -31,9 +32,9 @@ class InsideFence(Invariant):
     name = "inside_fence"
     sentence = (
         "Under way the vehicle stays inside the mission's fence and below its ceiling, but for the distance in which it "
-        "stops; a pilot with the transmitter in hand may fly where he likes, and what flies on rotors is not judged while "
-        "its only inertial unit is gone or late, or its satellites are in wind, nor what dives "
-        "without its companion, or was so until a moment ago."
+        "stops; a pilot with the transmitter in hand may fly where he likes, also so fast that the autopilot's failsafe "
+        "stops it late, and what flies on rotors is not judged while its only inertial unit is gone or late, or its "
+        "satellites are in wind, nor what dives without its companion, or was so until a moment ago."
     )
 
     def __init__(self, facts: FlightFacts) -> None:
@@ -55,7 +56,8 @@ class InsideFence(Invariant):
         if self._crossed_m_s is None:
             self._crossed_m_s = moment.speed_m_s
         is_carried = self.facts.is_out_of_control(moment.t_s) or self.facts.drifts(moment.t_s)
-        self._is_excused |= moment.t_s - self._piloted_s <= CAUGHT_S or is_carried
+        is_caught = moment.mode_author is Author.FAILSAFE and moment.t_s - self._piloted_s <= CAUGHT_S
+        self._is_excused |= _is_pilots(moment) or is_caught or is_carried
         if self._is_excused or not moment.is_under_way:
             return
         speed = self._crossed_m_s
@@ -69,7 +71,7 @@ class InsideFence(Invariant):
 
 def _is_pilots(moment: TrueMoment) -> bool:
     """Whether a pilot with a transmitter flies."""
-    return moment.has_transmitter and moment.mode_author == "pilot"
+    return moment.has_transmitter and moment.mode_author is Author.PILOT
 
 
 class AboveFloor(Invariant):

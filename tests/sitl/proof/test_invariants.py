@@ -62,11 +62,16 @@ def test_where_a_pilot_flies_is_his_own_matter_until_it_is_back_inside() -> None
     assert told(judge)
 
 
-@pytest.mark.parametrize(("after_s", "is_his"), [(1.0, True), (3.0, False)])
-def test_what_a_pilot_has_flown_towards_the_fence_is_his_a_moment_later_too(after_s: float, is_his: bool) -> None:
+@pytest.mark.parametrize(
+    ("after_s", "author", "is_his"),
+    [(1.0, Author.FAILSAFE, True), (3.0, Author.FAILSAFE, False), (1.0, Author.COMMAND, False)],
+)
+def test_what_a_pilot_has_flown_towards_the_fence_is_his_while_the_autopilot_brakes_it(
+    after_s: float, author: Author, is_his: bool
+) -> None:
     judge = InsideFence(facts())
     judge.observe(moment(5.0, has_transmitter=True, mode_author=Author.PILOT))
-    judge.observe(moment(5.0 + after_s, has_transmitter=True, mode_author=Author.FAILSAFE, **OUTSIDE))
+    judge.observe(moment(5.0 + after_s, has_transmitter=True, mode_author=author, **OUTSIDE))
     assert bool(told(judge)) != is_his
 
 

@@ -108,6 +108,20 @@ def test_without_any_limiter_the_autopilot_lands_by_itself(flight: Card) -> None
     flight.await_policy("")
 
 
+def test_an_operators_hold_breaks_off_the_landing_that_the_autopilot_flies_by_itself(flight: Card) -> None:
+    sweep(flight, on_failure="land")
+    flight.fault("crash:landing", for_s=120.0)
+    flight.emergency("land")
+    flight.await_mode(FlightMode.LAND)
+    flight.emergency("hold")
+    flight.wait(2.0)
+    assert flight.was_told("the autopilot is asked to hold by itself")
+    held_m = flight.height_m
+    flight.wait(30.0)
+    assert flight.height_m == pytest.approx(held_m, abs=0.2)
+    assert flight.mission.policy == "hold"
+
+
 def test_a_required_component_that_hangs_is_replaced_by_a_new_one(flight: Card) -> None:
     sweep(flight, on_failure="hold")
     hang = flight.fault("hang:waypoints")

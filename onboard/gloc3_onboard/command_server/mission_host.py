@@ -93,8 +93,9 @@ class MissionHost:
         """What the loaded mission takes."""
         self.granted = MotionGrant(action_id="", component="")
         """The owner of motion."""
-        self._landed_directly_s = -inf
-        self._is_landing_reported = False
+        self._landed_directly_s = self._held_directly_s = -inf
+        self._has_landed_directly = False
+        """Whether the autopilot lands by itself because it was asked to, and nothing has ended that since."""
         self._ended: MissionProgram | None = None
         """The program whose end was reported."""
         self._site, self._observing, self._control, self._report = site, observing, control, report
@@ -189,24 +190,47 @@ class MissionHost:
 
     def _land_directly(self, executor: MissionExecutor, now_s: float) -> list[Result]:
         """Requests the autopilot's own landing, of its driver or else of the landing watchdog, until it is under way."""
-        if not executor.needs_direct_landing(now_s) or executor.board.has_pilot:
-            self._is_landing_reported = False
+        if executor.board.has_pilot:
+            self._has_landed_directly = False
             return []
-        snapshot = self._observing.snapshot
-        driver = snapshot.driver if now_s - snapshot.driver_s <= DRIVER_SILENT_S else None
-        is_landing = driver is not None and driver.manoeuvre is ManoeuvreKind.LAND
-        if driver is not None and is_landing and driver.manoeuvre_state is ManoeuvreState.RUNNING:
+        if not executor.needs_direct_landing(now_s):
+            return self._hold_directly(executor, now_s)
+        driver = self._driver_state(now_s)
+        if driver is not None and _is_landing(driver):
+            self._has_landed_directly = True
             return []
         if now_s - self._landed_directly_s < DIRECT_PERIOD_S:
             return []
         self._landed_directly_s = now_s
         self._observing.lands_directly()
-        if not self._is_landing_reported:
-            self._is_landing_reported = True
+        if not self._has_landed_directly:
+            self._has_landed_directly = True
             self._report(Severity.WARNING, "the autopilot is asked to land by itself")
-        return [
-            MissionPorts.direct_landing.report(Manoeuvre(action_id=self.granted.action_id, kind=ManoeuvreKind.LAND))
-        ]
+        return self._request_manoeuvre(ManoeuvreKind.LAND)
+
+    def _hold_directly(self, executor: MissionExecutor, now_s: float) -> list[Result]:
+        """Breaks off such a landing for an operator's hold: nobody performs it, so there is nobody to cancel it."""
+        driver, autopilot = self._driver_state(now_s), self._observing.snapshot.known_autopilot
+        if executor.policy != Policy.HOLD:
+            self._has_landed_directly = False
+        if not self._has_landed_directly or autopilot is None or now_s - self._held_directly_s < DIRECT_PERIOD_S:
+            return []
+        is_driven = driver is not None and _is_landing(driver)
+        if not is_driven and autopilot.mode not in (FlightMode.RETURN, FlightMode.LAND):
+            self._has_landed_directly = False
+            return []
+        if self._held_directly_s < self._landed_directly_s:
+            self._report(Severity.WARNING, "the autopilot is asked to hold by itself")
+        self._held_directly_s = now_s
+        return self._request_manoeuvre(ManoeuvreKind.HOLD)
+
+    def _driver_state(self, now_s: float) -> DriverState | None:
+        """What the driver says; None while it is silent."""
+        snapshot = self._observing.snapshot
+        return snapshot.driver if now_s - snapshot.driver_s <= DRIVER_SILENT_S else None
+
+    def _request_manoeuvre(self, kind: ManoeuvreKind) -> list[Result]:
+        return [MissionPorts.direct_landing.report(Manoeuvre(action_id=self.granted.action_id, kind=kind))]
 
     def _is_handing_over(self, executor: MissionExecutor, now_s: float) -> bool:
         return not executor.board.has_pilot and self._observing.is_handing_over(now_s)
@@ -374,6 +398,11 @@ class MissionHost:
         arguments = {"action_id": action_id, **more}
         message = FunctionRequest(request_id=request_id, function=f"action.{verb}", arguments=arguments)
         return MissionPorts.function.report(message, key=component)
+
+
+def _is_landing(driver: DriverState) -> bool:
+    """Whether the driver has the autopilot land."""
+    return driver.manoeuvre is ManoeuvreKind.LAND and driver.manoeuvre_state is ManoeuvreState.RUNNING
 
 
 def _brings_down(autopilot: AutopilotState | None, *, is_operators: bool) -> bool:

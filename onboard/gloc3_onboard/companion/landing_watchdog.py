@@ -109,9 +109,15 @@ class LandingWatch:
         """The driver has reported its state."""
         self._driver, self._driver_s = driver, now_s
 
-    def requested(self, now_s: float) -> None:
-        """The command interface has requested the autopilot's own landing."""
-        self._requested_s = now_s
+    def requested(self, kind: ManoeuvreKind, now_s: float) -> None:
+        """The command interface has requested the autopilot's own landing, or a hold that breaks it off."""
+        if kind is ManoeuvreKind.LAND:
+            self._requested_s = now_s
+            return
+        self._requested_s = -inf
+        if now_s - self._driver_s > STALE_S and not self._is_flown_by_hand(self._device.state(), now_s):
+            self._machine, self._was_reached = None, False
+            self._device.command_mode(FlightMode.HOLD)
 
     def tick(self, now_s: float) -> None:
         """Begins, continues or ends the landing."""
@@ -238,7 +244,7 @@ class LandingWatchdog:
         self._watch.driven(envelope.payload, envelope.t_s)
 
     def _receive_request(self, envelope: Envelope[Manoeuvre]) -> None:
-        self._watch.requested(envelope.t_s)
+        self._watch.requested(envelope.payload.kind, envelope.t_s)
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(PERIOD_S, self._tick)

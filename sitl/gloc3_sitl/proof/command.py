@@ -2,6 +2,7 @@
 
 import re
 from collections import deque
+from math import inf
 from typing import Any, Final
 
 from gloc3.messages.command_interface import CiReply, CiRequest, Outcome, Steer, Verb
@@ -16,6 +17,10 @@ GAP_S: Final = 0.5
 TAKEN_S: Final = 0.7
 """So long a hold that is commanded may take until the autopilot is in it."""
 DRIVER: Final = "autopilot_driver"
+HELD_S: Final = 3.0
+"""So long a hold may take to end a landing."""
+SILENT_S: Final = 2.0
+"""A command server that has told nothing of the mission for so long does not command."""
 _CUT: Final = ("cable_loss", "cable_slow", "restart")
 SWITCHES: Final = 4
 WITHIN_S: Final = 1.0
@@ -127,6 +132,43 @@ class MotionHasOneOwner(Invariant):
                     f"{moment.mode_name} was commanded {since_s:.1f} s after a pilot has taken over, and nobody said resume",
                 )
         self._author = author
+
+
+class HoldIsObeyed(Invariant):
+    """Whether a landing goes on that an operator's hold has ended."""
+
+    name = "hold_is_obeyed"
+    sentence = (
+        f"Where the policy is to hold, no landing and no return that we have commanded goes on for more than {HELD_S:g} s; "
+        "cut off from the companion it does."
+    )
+    topics = ("ci/mission",)
+
+    def __init__(self, facts: FlightFacts) -> None:
+        super().__init__(facts)
+        self._received_s = self._since_s = -inf
+        self._is_hold = False
+
+    def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
+        """Keeps since when the policy is to hold."""
+        is_hold = envelope.payload.policy == "hold"
+        if is_hold and not self._is_hold:
+            self._since_s = now_s
+        self._is_hold, self._received_s = is_hold, now_s
+
+    def observe(self, moment: TrueMoment) -> None:
+        """Judges one moment."""
+        now_s = moment.t_s
+        is_ours = moment.behaviour in (Behaviour.LAND, Behaviour.RETURN) and moment.mode_author == Author.COMMAND
+        is_reached = not (
+            self.facts.has_fault(now_s, *_CUT, for_s=HELD_S)
+            or self.facts.has_fault(now_s, "hang", "slow", "leak", target=DRIVER, for_s=HELD_S)
+            or now_s - self._received_s > SILENT_S
+        )
+        if not (moment.is_under_way and is_ours and self._is_hold and is_reached):
+            self._since_s = max(self._since_s, now_s)
+        elif now_s - self._since_s > HELD_S:
+            self.break_at(now_s, f"the policy has been to hold for {HELD_S:g} s, and {moment.mode_name} goes on")
 
 
 class NothingArmsByItself(Invariant):

@@ -4,7 +4,13 @@ from collections.abc import Iterable
 from typing import Final
 
 from gloc3.errors import Refused, nearest
-from gloc3_sitl.proof.command import CommandsAtMostOnce, MotionHasOneOwner, NothingArmsByItself, SetpointOrHold
+from gloc3_sitl.proof.command import (
+    CommandsAtMostOnce,
+    HoldIsObeyed,
+    MotionHasOneOwner,
+    NothingArmsByItself,
+    SetpointOrHold,
+)
 from gloc3_sitl.proof.course import GoesOn, ItEnds, OnlyTableTransitions
 from gloc3_sitl.proof.invariant import Invariant, load_invariants
 from gloc3_sitl.proof.record import LogComplete, NoTraceback, OnlyNumbers
@@ -14,6 +20,7 @@ STANDARD: Final[tuple[type[Invariant], ...]] = (
     InsideFence,
     AboveFloor,
     SetpointOrHold,
+    HoldIsObeyed,
     MotionHasOneOwner,
     NothingArmsByItself,
     CommandsAtMostOnce,

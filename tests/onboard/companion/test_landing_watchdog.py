@@ -6,7 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from gloc3.messages.envelope import Severity
-from gloc3.messages.vehicle import AutopilotPose, AutopilotState, DriverState, FlightMode, LandedState
+from gloc3.messages.vehicle import AutopilotPose, AutopilotState, DriverState, FlightMode, LandedState, ManoeuvreKind
 from gloc3_onboard.companion.landing_watchdog import (
     DRIVER_SILENT_S,
     LEADERLESS_S,
@@ -85,7 +85,7 @@ class Rig:
             if self.driver is not None:
                 self.watch.driven(self.driver, self.now_s)
             if self.is_requested:
-                self.watch.requested(self.now_s)
+                self.watch.requested(ManoeuvreKind.LAND, self.now_s)
             self.watch.tick(self.now_s)
         return self.autopilot.commands[before:]
 
@@ -131,6 +131,28 @@ def test_a_driver_that_comes_back_carries_on(rig: Rig) -> None:
     assert rig.pass_s(DRIVER_SILENT_S + 2.0) == ["land"]
     rig.driver = DriverState()
     assert not rig.pass_s(30.0)
+
+
+@pytest.mark.parametrize(
+    ("driver", "mode", "commanded"),
+    [
+        (None, FlightMode.LAND, ["hold"]),
+        (DriverState(), FlightMode.LAND, []),
+        (None, FlightMode.MANUAL, []),
+    ],
+)
+def test_a_hold_breaks_a_requested_landing_off_where_no_driver_does_and_no_pilot_flies(
+    rig: Rig, driver: DriverState | None, mode: FlightMode, commanded: list[str]
+) -> None:
+    rig.is_requested, rig.driver = True, None
+    assert rig.pass_s(DRIVER_SILENT_S + 2.0) == ["land"]
+    rig.is_requested, rig.driver = False, driver
+    rig.autopilot.now = replace(rig.autopilot.now, mode=mode, has_transmitter=True)
+    rig.pass_s(0.5)
+    before = len(rig.autopilot.commands)
+    rig.watch.requested(ManoeuvreKind.HOLD, rig.now_s)
+    assert rig.autopilot.commands[before:] == commanded
+    assert not rig.pass_s(30.0), "it does not land again"
 
 
 def test_a_pilot_with_a_transmitter_keeps_the_vehicle(rig: Rig) -> None:

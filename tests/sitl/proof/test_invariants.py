@@ -17,7 +17,13 @@ from gloc3.mission.model.states import ActionState
 from gloc3_sitl.autopilot.modes import Behaviour
 from gloc3_sitl.autopilot.verdict import Author
 from gloc3_sitl.proof import invariant as invariant_module
-from gloc3_sitl.proof.command import CommandsAtMostOnce, MotionHasOneOwner, NothingArmsByItself, SetpointOrHold
+from gloc3_sitl.proof.command import (
+    CommandsAtMostOnce,
+    HoldIsObeyed,
+    MotionHasOneOwner,
+    NothingArmsByItself,
+    SetpointOrHold,
+)
 from gloc3_sitl.proof.course import GoesOn, ItEnds, OnlyTableTransitions
 from gloc3_sitl.proof.invariant import Invariant, load_invariants
 from gloc3_sitl.proof.record import LogComplete, NoTraceback, OnlyNumbers
@@ -219,6 +225,41 @@ def test_a_manoeuvre_of_the_autopilot_needs_no_setpoints() -> None:
     judge.receive("driver", message(DriverState(manoeuvre_state=ManoeuvreState.RUNNING)), 4.0)
     for step in range(30):
         judge.observe(moment(5.0 + 0.1 * step, setpoint_age_s=0.1 * step))
+    assert not told(judge)
+
+
+@pytest.mark.parametrize(
+    ("policy", "faults", "changed", "is_broken"),
+    [
+        ("hold", (), {}, True),
+        ("hold", (), {"behaviour": Behaviour.RETURN}, True),
+        ("land", (), {}, False),
+        ("hold", (), {"behaviour": Behaviour.HOLD}, False),
+        ("hold", (), {"mode_author": Author.PILOT}, False),
+        ("hold", (), {"mode_author": Author.FAILSAFE}, False),
+        ("hold", (), {"is_landed": True}, False),
+        ("hold", ("cable_loss@4..9",), {}, False),
+        ("hold", ("hang:autopilot_driver@4..9",), {}, False),
+        ("hold", ("hang:waypoints@4..9",), {}, True),
+    ],
+)
+def test_a_hold_ends_the_landing_that_we_have_commanded(
+    policy: str, faults: tuple[str, ...], changed: dict[str, Any], *, is_broken: bool
+) -> None:
+    judge = HoldIsObeyed(facts(*faults))
+    for step in range(40):
+        now_s = 5.0 + 0.1 * step
+        judge.receive("ci/mission", message(MissionSummary(name="hop", digest="", state="", policy=policy)), now_s)
+        judge.observe(moment(now_s, **{"behaviour": Behaviour.LAND, "mode_name": "LAND", **changed}))
+    assert bool(told(judge)) == is_broken
+    assert not is_broken or told(judge) == "the policy has been to hold for 3 s, and LAND goes on"
+
+
+def test_a_command_server_that_is_dead_holds_nothing() -> None:
+    judge = HoldIsObeyed(facts())
+    judge.receive("ci/mission", message(MissionSummary(name="hop", digest="", state="", policy="hold")), 5.0)
+    for step in range(100):
+        judge.observe(moment(5.0 + 0.1 * step, behaviour=Behaviour.LAND))
     assert not told(judge)
 
 

@@ -334,12 +334,11 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
 
     def _manoeuvre(self, now_s: float, inbox: Inbox) -> list[ManoeuvreStep]:
         self._had_control = True
-        for envelope in (*inbox.new(self.manoeuvre), *inbox.new(self.direct_landing)):
+        asked = [one for one in inbox.new(self.manoeuvre) if not self._would_break_landing_off(one.payload)]
+        for envelope in (*asked, *inbox.new(self.direct_landing)):
             if not self._owner or envelope.payload.action_id != self._owner:
                 self._stream.gate.foreign += 1
                 continue
-            if envelope.payload.kind is ManoeuvreKind.HOLD and self._machine.lands_for(self._owner):
-                continue  # who holds asks again and again, and the landing was asked for over its head
             self._stream.stop()
             self._requested = None
             self._machine.begin(envelope.payload, now_s, self._control.behaviour, self._away_m)
@@ -352,6 +351,10 @@ class AutopilotDriver(ActuatorDriver[DriverSettings]):
         rested_s = self._rest.update(self._known_velocity(now_s), now_s, floats=self._control.behaviour.floats)
         self._machine.away_m = self._away_m
         return [ManoeuvreStep(command) for command in self._machine.advance(now_s, state, answer, rested_s)]
+
+    def _would_break_landing_off(self, manoeuvre: Manoeuvre) -> bool:
+        """Whether it is a hold that is asked for again and again, and a landing was asked for over the asker's head."""
+        return manoeuvre.kind is ManoeuvreKind.HOLD and self._machine.lands_for(manoeuvre.action_id)
 
     # --- setpoints ---
 

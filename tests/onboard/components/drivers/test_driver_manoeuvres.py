@@ -208,6 +208,18 @@ def test_a_landing_that_the_server_asks_for_is_not_broken_off_by_the_hold_in_who
 
 
 @STYLES
+def test_a_landing_that_the_server_asks_for_is_broken_off_by_the_hold_that_it_asks_for(style: str) -> None:
+    rig = DriverRig(style).in_flight()
+    rig.wants = lambda: None
+    rig.step(direct_landing=Manoeuvre(action_id="go", kind=LAND))
+    rig.run(0.5)
+    assert rig.autopilot.reported.mode is FlightMode.LAND
+    rig.step(direct_landing=Manoeuvre(action_id="go", kind=HOLD))
+    rig.run(0.5)
+    assert (rig.autopilot.reported.mode, rig.state.manoeuvre) == (FlightMode.HOLD, HOLD)
+
+
+@STYLES
 def test_hold_as_a_manoeuvre(style: str) -> None:
     rig = DriverRig(style).in_flight()
     rig.wants = lambda: None

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 from tests.evidence.page import ROOT, SCRATCH, Bar, Figure, Progress
-from tests.evidence.static_proof import AUTOPILOTS, FIELD, SMALL_FIELD
+from tests.evidence.static_proof import AUTOPILOTS, FIELD, PERCEIVED, SMALL_FIELD
 
 from gloc3.mission.templates import mission_from
 from gloc3.platform.reader import load_platform
@@ -61,8 +61,6 @@ INDOORS: Final = (
     ShorterTemplate("across", "transit", r"to_m: \[\[.*?\]\]", "to_m: [[6, 0], [3, 3]]"),
 )
 PLATFORMS: Final = ("pelican_rtk", "copter", "boat", "rover", "auv", "rov", "submarine", "plane", "vtol")
-PERCEIVED: Final = ("pelican", "hummingbird")
-"""Fly on what their cameras see."""
 PHASES: Final = {
     "before the start": "before",
     "away": "set-off",

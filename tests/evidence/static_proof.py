@@ -29,6 +29,11 @@ FIELD: Final = r"area_m: \[\[.*?\]\], spacing_m: [0-9.]+"
 SMALL_FIELD: Final = "area_m: [[300, 100], [500, 100], [500, 300], [300, 300]], spacing_m: 400"
 """For what flies on wings: one line of the template's field."""
 
+PERCEIVED: Final = ("pelican", "hummingbird")
+"""Fly on what their cameras see, which takes twenty times as long to simulate."""
+ROUNDS: Final = ("times: 10", "times: 2")
+"""Of the patrol that they fly instead of the template's."""
+
 
 def bases(platform: str) -> list[FlightCase]:
     """The flights of the templates that a platform can fly, without faults, the shortest first."""
@@ -40,6 +45,7 @@ def bases(platform: str) -> list[FlightCase]:
         except Refused:
             continue
         text = re.sub(FIELD, SMALL_FIELD, text) if loaded.limits.turn_radius_m else text
+        text = text.replace(*ROUNDS) if platform in PERCEIVED else text
         autopilot = AUTOPILOTS.get(platform, "")
         base = FlightCase(mission=f"{template}.yaml", platform=platform, autopilot=autopilot, text=text)
         with TemporaryDirectory() as folder:
@@ -129,7 +135,7 @@ BARS = tuple(
         "The answers are flown: the component fails in every cycle from one second after the start of the action, every "
         "invariant holds, and the mission continues where that was the answer. Actions of one capability share a flight, "
         "in the shortest of the missions, where the answer for a component is the same; of the field of `mapping` one "
-        "line is flown. `gloc3 prove MISSION --platform PLATFORM --static --fly` does it for one.",
+        "line is flown, and of the rounds of `patrol` two by what flies on its cameras. `gloc3 prove MISSION --platform PLATFORM --static --fly` does it for one.",
         judge(platform),
         seeds="0",
     )

@@ -35,10 +35,10 @@ def _usage(pid: int) -> tuple[float, float]:
     return memory, (int(fields[11]) + int(fields[12])) / ticks
 
 
-def run() -> list[str]:
-    """One line a process."""
+def watch(mission: str, *options: str) -> dict[str, tuple[float, float]]:
+    """Resident memory in MB and share of a core of each process of a demonstration, by its subcommand."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "gloc3", "demo", "inspection", "--out", f"{folder}/demo"]
+        command = [sys.executable, "-m", "gloc3", "demo", mission, *options, "--out", f"{folder}/demo"]
         demo = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             time.sleep(WARM_S)
@@ -49,7 +49,12 @@ def run() -> list[str]:
         finally:
             demo.send_signal(2)
             demo.wait(30.0)
+    return {name: (memory, (cpu_s - before[name]) / WATCH_S) for name, (memory, cpu_s) in after.items()}
+
+
+def run() -> list[str]:
+    """One line a process."""
     return [
-        f"{name:<10} {memory:6.0f} MB resident   {100.0 * (cpu_s - before[name]) / WATCH_S:5.1f} % of a core"
-        for name, (memory, cpu_s) in sorted(after.items())
+        f"{name:<10} {memory:6.0f} MB resident   {100.0 * share:5.1f} % of a core"
+        for name, (memory, share) in sorted(watch("inspection").items())
     ]

@@ -13,7 +13,8 @@ from gloc3_sitl.flight.plan import FlightPlan
 SECONDS = 12.0
 
 
-async def _fly() -> list[float]:
+async def fly() -> list[float]:
+    """The delays of a flight, s."""
     delays: list[float] = []
     position, target = shape("LOCAL_POSITION_NED").id, shape("SET_POSITION_TARGET_LOCAL_NED").id
     async with Flight(FlightPlan(mission="hop")) as flight:
@@ -41,7 +42,7 @@ async def _fly() -> list[float]:
 
 def run() -> list[str]:
     """Percentiles; the cable's modelled latency of 2 ms is in it."""
-    delays = asyncio.run(_fly())
+    delays = asyncio.run(fly())
     cuts = quantiles(delays, n=100)
     return [
         f"pose bytes in to setpoint bytes out, {len(delays)} setpoints, simulator in the same process",

@@ -22,6 +22,7 @@ from foxglove.messages import Pose, PoseInFrame, Quaternion, Vector3
 from pymavlink.dialects.v20 import common
 from tests.benchmarks import footprint, fusion, network, stereo, turnaround
 from tests.benchmarks.parts import best_us
+from tests.evidence.cost import one_core
 from tests.onboard.algorithms.vision.flights import fly, inspection
 
 from gloc3.messages.frames import GeoPoint
@@ -35,12 +36,8 @@ HOVER: Final = (0.524, 0.524, 0.524, 0.524)
 
 def patrol() -> dict[str, float]:
     """Simulated seconds for each second of one core, start-up and log included."""
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(cores)})
-    try:
+    with one_core():
         simulated_s, processor_s, _ = _fly("patrol", "--seed", "1")
-    finally:
-        os.sched_setaffinity(0, cores)
     return {"times": simulated_s / processor_s}
 
 

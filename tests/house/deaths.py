@@ -27,7 +27,7 @@ it. This page says what follows, and where it is shown.
 | the disk | The flight goes on; an alert says that logging or the state on disk has stopped. | `tests/flight/test_command_server_fails.py`, `tests/flight/test_a_slow_disk.py` |
 | a second computer of the vehicle | Its components count as lost, and `on_loss` of the host and their own policies apply; they come back with it. | [hosts](evidence/hosts.md) |
 | the cable to the autopilot | The autopilot holds or lands by its own failsafe. The mission goes on when it is back in time. | [link-loss](evidence/link-loss.md), `tests/flight/test_autopilot_in_trouble.py` |
-| the station, or its link | Nothing from the holder of control for `link_loss_after_s` (5 s): the mission's `on_link_loss`. Another station may request control. | [link-loss](evidence/link-loss.md), `tests/flight/test_policies_on_link_loss.py` |
+| the station, or its link | Nothing from the holder of control for `link_loss_after_s` (5 s), or from any station if nobody holds control: the mission's `on_link_loss`. Another station may request control. | [link-loss](evidence/link-loss.md), `tests/flight/test_policies_on_link_loss.py` |
 | satellites, a camera, the laser | The position rests on the other sources. Where none is left: a hold while it may come back, then `on_pose_lost`. | [ablation](evidence/ablation.md), `tests/flight/test_policies_on_battery_and_pose.py` |
 | another vehicle of the mission | `on_platform_loss`; its tasks can be assigned to others. | [fleet](evidence/fleet.md) |
 | the autopilot | The vehicle falls or drifts: nothing onboard flies it. | [safety](safety.md) |

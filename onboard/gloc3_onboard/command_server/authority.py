@@ -70,6 +70,8 @@ class ControlAuthority:
         self.requested_by = ""
         self._requested_s = 0.0
         self._received_s: dict[str, float] = {}
+        self._left_s: float | None = None
+        """When there was a holder last, or the vehicle was on the ground."""
 
     def state(self) -> ControlState:
         """For the stations."""
@@ -99,6 +101,14 @@ class ControlAuthority:
     def silent_s(self, now_s: float) -> float:
         """Time since the holder was last heard, s; 0 without a holder."""
         return now_s - self._received_s.get(self.holder, now_s) if self.holder else 0.0
+
+    def unattended_s(self, now_s: float, *, is_airborne: bool) -> float:
+        """Time since whoever is in charge was last heard, s: the holder, or else any station while the vehicle is in the air."""
+        if self.holder or not is_airborne or self._left_s is None:
+            self._left_s = now_s
+        if self.holder or not is_airborne:
+            return self.silent_s(now_s)
+        return now_s - max(self.others_received_s(), self._left_s)
 
     def require(self, station: str) -> None:
         """Refuses a station that does not hold control."""

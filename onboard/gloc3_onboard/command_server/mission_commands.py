@@ -31,7 +31,7 @@ from gloc3.messages.preflight import PreflightReport, summary
 from gloc3.messages.summaries import EventReport
 from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
 from gloc3.mission.checking.checker import CheckReport, Circumstances, check_text
-from gloc3.mission.executing import amending
+from gloc3.mission.executing import amending, steering
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.model.abilities import abilities
 from gloc3.mission.model.model import Mission, digest_of
@@ -54,7 +54,7 @@ MOST_FINDINGS: Final = 100
 """Of a mission: more would go over no radio."""
 MOST_UNKNOWN: Final = 32
 """Greatest number of unauthorized stations that are reported."""
-BEGINS: Final = (Verb.START, Verb.RETRY)
+BEGINS: Final = (Verb.START, Verb.RESUME, Verb.RETRY)
 """What may lead to a take-off."""
 HOMEWARD: Final = frozenset({"land", "return_home"})
 """Capabilities that end a flight, with a geofence or without."""
@@ -204,7 +204,14 @@ class MissionCommands:
         if body.verb not in BEGINS:
             return self._steer(request, body, now_s)
         self._refuse_to_begin(body)
-        return self._start(request, lambda at_s: self._steer(request, body, at_s), now_s)
+        loaded = self.executor.mission
+
+        def begin(at_s: float) -> CiReply:
+            if self.executor.mission is not loaded:
+                raise Refused("another mission was loaded meanwhile; send it again if that one is meant")
+            return self._steer(request, body, at_s)
+
+        return self._start(request, begin, now_s)
 
     def _steer(self, request: CiRequest, body: Steer, now_s: float) -> CiReply:
         executor = self.executor
@@ -358,9 +365,14 @@ class MissionCommands:
 
     def _refuse_to_begin(self, body: Steer) -> None:
         """What no operator can override."""
-        if body.verb is Verb.START and (problem := self._snapshot.autopilot_problem):
+        if body.verb is Verb.RETRY or (body.verb is Verb.RESUME and self._snapshot.is_airborne):
+            return
+        if problem := self._snapshot.autopilot_problem:
             raise Refused(problem)
-        if body.verb is Verb.START and not body.target:
+        board = self.executor.board
+        if body.verb is Verb.RESUME and (body.target or board.mission is not None):
+            steering.check_resumable(board, board.find(body.target))
+        if not body.target:
             self._refuse_without_fence()
 
     def _refuse_without_fence(self) -> None:
@@ -379,6 +391,11 @@ class MissionCommands:
         return f"the autopilot does not hold the mission's fence: {held.reason if held and held.reason else 'not uploaded yet'}"
 
     # --- answers that come later ---
+
+    @property
+    def waiting(self) -> list[CiRequest]:
+        """Requests whose mission is being checked, or that wait for the pre-flight checks."""
+        return [*self._checks.waiting, *self.gate.waiting]
 
     def due(self, now_s: float) -> list["Checked | HeldRequest"]:
         """Requests with a finished mission check or a pending pre-flight list."""
@@ -443,6 +460,11 @@ class MissionChecks:
             return checked.answer(now_s)
         self._waiting.append(checked)
         return None
+
+    @property
+    def waiting(self) -> list[CiRequest]:
+        """Requests with an unfinished check."""
+        return [checked.request for checked in self._waiting]
 
     def due(self) -> list[Checked]:
         """Requests with a finished check, in order of arrival."""

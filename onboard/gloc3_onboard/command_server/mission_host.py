@@ -259,7 +259,7 @@ class MissionHost:
                 self._report(Severity.WARNING, report, cause=Cause.POSITION)
             for condition, is_on, reason in snapshot.conditions(fence, now_s):
                 executor.condition(condition, is_on, reason, now_s)
-            silent_s = self._control.silent_s(now_s)
+            silent_s = self._control.unattended_s(now_s, is_airborne=snapshot.is_airborne)
             executor.link(silent_s, now_s)
             executor.sensed(snapshot.readings(now_s) | {"link_silent_s": silent_s}, now_s)
         self._count_up(executor, now_s)
@@ -271,7 +271,10 @@ class MissionHost:
     def _inform_control(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> None:
         """Reports who has control: we, a pilot, or the autopilot's failsafe, which only we can end."""
         is_failsafe = driver.has_pilot_control and driver.is_failsafe
-        executor.pilot(driver.has_pilot_control, driver.pilot_reason, now_s, is_failsafe=is_failsafe)
+        reported_s = self._observing.snapshot.driver_s
+        executor.pilot(
+            driver.has_pilot_control, driver.pilot_reason, now_s, is_failsafe=is_failsafe, reported_s=reported_s
+        )
         autopilot = self._observing.snapshot.known_autopilot
         if is_failsafe and autopilot is not None:
             if not autopilot.is_armed:

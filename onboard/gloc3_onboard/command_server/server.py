@@ -100,6 +100,10 @@ def time_limit(request: CiRequest, now_s: float) -> str:
     return ""
 
 
+def _key(request: CiRequest) -> tuple[str, int, int]:
+    return request.sender, request.boot, request.sequence
+
+
 class RequestHandler:
     """Handler of stations' requests; answers in `handle`, or later in `replied` and `expire`.
 
@@ -135,6 +139,8 @@ class RequestHandler:
         """Requests on their way to the disk; carried out only then, so that a power cut repeats nothing."""
         self._emergencies: dict[tuple[str, int], int] = {}
         """The last emergency of each life of a station."""
+        self._overtaken: set[tuple[str, int, int]] = set()
+        """Requests of anybody that waited when an emergency came, by sender, boot and sequence."""
         self.wants_everything = False
         """Whether a station has requested the full state."""
 
@@ -203,13 +209,20 @@ class RequestHandler:
         return reply
 
     def _refuse_overtaken(self, request: CiRequest) -> None:
-        """Refuses requests superseded by an emergency of the same sender, which overtakes them on the link."""
-        life = (request.sender, request.boot)
+        """Refuses requests superseded by an emergency.
+
+        Those are the requests of the same sender that the emergency has overtaken on the link, and those of anybody that
+        were waiting here when it came.
+        """
+        life, key = (request.sender, request.boot), _key(request)
         if isinstance(request.body, Emergency):
             self._emergencies[life] = max(request.sequence, self._emergencies.pop(life, -1))
             if len(self._emergencies) > MOST_LIVES:
                 del self._emergencies[next(iter(self._emergencies))]
-        elif request.sequence < self._emergencies.get(life, -1):
+            waiting = [*(noted.request for noted in self._noted), *self.missions.waiting]
+            self._overtaken = {_key(one) for one in waiting if not isinstance(one.body, Preflight)}
+        elif request.sequence < self._emergencies.get(life, -1) or key in self._overtaken:
+            self._overtaken.discard(key)
             raise Refused("superseded by an emergency; send it again if it is still wanted")
 
     def _query(self, request: CiRequest, body: Query) -> CiReply:

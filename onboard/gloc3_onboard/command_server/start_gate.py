@@ -68,6 +68,11 @@ class StartGate:
         self._held.append(HeldRequest(request, answer, self._number, now_s + wait_s))
         return None
 
+    @property
+    def waiting(self) -> list[CiRequest]:
+        """Requests that wait for the reading."""
+        return [held.request for held in self._held]
+
     def due(self, now_s: float) -> list[HeldRequest]:
         """The requests that need wait no longer."""
         if not self._held:

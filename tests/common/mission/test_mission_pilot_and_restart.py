@@ -67,6 +67,30 @@ def test_a_resume_of_an_operator_who_cannot_have_seen_the_pilot_yet_is_refused(r
     assert rig.taken_back == 1
 
 
+@pytest.mark.parametrize(("reason", "after_s"), [("mode stabilize", 3.0), ("mode return", 0.1)])
+def test_a_pilot_who_takes_over_again_before_we_are_told_that_he_had_let_go_has_control(
+    rig: Rig, reason: str, after_s: float
+) -> None:
+    """The driver missed that control was taken back, or has lost it to him again in between."""
+    pilot(rig, has_control=True)
+    rig.pass_s(5)
+    rig.steer("resume")
+    assert rig.executor.policy == ""
+    taken_s = rig.now_s
+    rig.executor.pilot(True, reason, rig.now_s, reported_s=taken_s)
+    assert rig.executor.policy == "", "said before the driver could know"
+    rig.pass_s(after_s)
+    rig.executor.pilot(True, reason, rig.now_s, reported_s=taken_s)
+    assert rig.executor.policy == "", "the driver is silent"
+    rig.executor.pilot(True, reason, rig.now_s, reported_s=rig.now_s)
+    rig.settle()
+    assert rig.executor.policy == "pilot"
+    assert rig.running() == []
+    rig.pass_s(2)
+    rig.steer("resume")
+    assert rig.taken_back == 2
+
+
 def test_a_pilot_who_has_left_leaves_safety_to_the_policies_and_nothing_else(rig: Rig) -> None:
     pilot(rig, has_control=True)
     rig.arise(PolicyCondition.OBSTACLE)
@@ -293,6 +317,35 @@ def test_a_restart_on_the_ground_moves_nothing(pelican: Platform) -> None:
     assert again.under_way == {}
     again.steer("resume")
     assert again.running() == ["depart.climb"]
+
+
+def test_a_mission_is_resumed_on_the_ground_only_inside_its_fence(pelican: Platform) -> None:
+    fence = "geofence: {polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}\non_failure: hold"
+    rig = Rig(pelican, MISSION.replace("on_failure: hold", fence, 1))
+    rig.executor.steer("start", "", 0.0, (1.0, -1.0, 0.0))
+    rig.settle()
+    again = rig.restart(is_airborne=False)
+    with pytest.raises(Refused, match="outside the fence"):
+        again.executor.steer("resume", "", 0.0, (100.0, 100.0, 0.0))
+    assert again.state() == "paused"
+    again.executor.steer("resume", "", 0.0, (1.0, -1.0, 0.0))
+    again.settle()
+    assert again.running() == ["depart.climb"]
+
+
+@pytest.mark.parametrize("is_loaded", [False, True])
+def test_a_single_command_that_a_restart_ends_in_flight_leaves_a_hold_also_beside_a_mission_that_has_not_begun(
+    pelican: Platform, is_loaded: bool
+) -> None:
+    rig = Rig(pelican, MISSION if is_loaded else "")
+    rig.fly()
+    action = "mission: c\nframe: hold\ntasks: {c1: {actions: {go: {go_to: {position_m: [5, 5, 3]}}}}}\n"
+    rig.executor.command(rig.read(action), 0.0)
+    rig.settle()
+    again = rig.restart(is_airborne=True)
+    assert again.executor.policy == "hold"
+    again.pass_s(200)
+    assert again.executor.policy == "land"
 
 
 @pytest.mark.parametrize(("on_restart", "policy"), [("continue", "hold"), ("hold", "hold"), ("land", "land")])

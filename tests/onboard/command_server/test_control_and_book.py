@@ -57,6 +57,23 @@ def test_a_second_request_does_not_push_the_first_aside() -> None:
     assert request(authority, "254", ControlVerb.REQUEST) == "station 255 has been asked"
 
 
+def test_a_vehicle_in_the_air_that_nobody_holds_is_unattended_once_no_station_is_heard() -> None:
+    authority = held()
+    assert authority.unattended_s(4.0, is_airborne=True) == 4.0
+    request(authority, "255", ControlVerb.RELEASE, 10.0)
+    authority.note_contact("254", 12.0)
+    assert authority.unattended_s(13.0, is_airborne=True) == 1.0
+    assert authority.unattended_s(1000.0, is_airborne=True) == 988.0
+    assert authority.unattended_s(1000.0, is_airborne=False) == 0.0
+    assert authority.unattended_s(1001.0, is_airborne=True) == 1.0, "it has just lifted off"
+
+
+def test_a_vehicle_that_is_in_the_air_when_the_process_begins_is_attended_from_then() -> None:
+    authority = ControlAuthority()
+    assert authority.unattended_s(500.0, is_airborne=True) == 0.0
+    assert authority.unattended_s(520.0, is_airborne=True) == 20.0
+
+
 def test_only_the_holder_answers_and_releases() -> None:
     authority = held()
     request(authority, "254", ControlVerb.REQUEST)

@@ -91,7 +91,7 @@ class Desk:
         self.handler = self.begin()
 
     def begin(self) -> RequestHandler:
-        observing = Observing(self.platform, None, self.report)
+        observing = self.observing = Observing(self.platform, None, self.report)
         snapshot = observing.snapshot
         state = AutopilotState(is_connected=True, landed=LandedState.ON_GROUND, is_armable=True)
         snapshot.update_autopilot(

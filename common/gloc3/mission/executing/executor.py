@@ -29,6 +29,9 @@ from gloc3.platform.platform import Platform
 PROGRESS_STEP: Final = 0.05
 """Progress of an action after which it is written to disk; also written on each achievement."""
 
+RECLAIM_S: Final = 2.0
+"""So long after it was told to take control back a driver may still report the pilot."""
+
 Verb = Literal["start", "pause", "resume", "cancel"]
 
 
@@ -46,6 +49,10 @@ class MissionExecutor:
         self._reported = (False, False)
         """The driver's last report: whether the pilot or the autopilot has control, and whether it is the
         autopilot's failsafe."""
+        self._pilot_reason = ""
+        """Of the pilot who has control, or had it last."""
+        self._reclaimed_s = -inf
+        """When control was last taken back."""
 
     # what operators ask for
 
@@ -91,7 +98,7 @@ class MissionExecutor:
             verb: `start`, `pause`, `resume`, `skip`, `abort` or `retry`.
             target: empty for the mission, `TASK`, or `TASK.ACTION`.
             now_s: the time.
-            home_ned_m: with `start`: position of the vehicle; it must be inside the fence.
+            home_ned_m: position of a vehicle that stands; with `start` and `resume` it must be inside the fence.
 
         Raises:
             Refused: it is not possible now; nothing has changed.
@@ -100,6 +107,8 @@ class MissionExecutor:
         if verb not in commands:
             raise Refused(f"no command {verb!r}; known: {', '.join(commands)}")
         board, trigger = self.board, StateTrigger(verb)
+        if trigger is StateTrigger.RESUME and not board.is_airborne:
+            flow.refuse_outside(board.mission, home_ned_m)
         if trigger is StateTrigger.RESUME and not target and board.has_pilot:
             steering.take_back(board, now_s)
             self.settle(now_s)
@@ -284,15 +293,24 @@ class MissionExecutor:
             air.has_landed = False
         self.settle(now_s)
 
-    def pilot(self, has_control: bool, reason: str, now_s: float, *, is_failsafe: bool = False) -> None:
-        """Whether a human pilot, or the autopilot's failsafe, has taken over, as the driver reports it."""
+    def pilot(
+        self, has_control: bool, reason: str, now_s: float, *, is_failsafe: bool = False, reported_s: float = inf
+    ) -> None:
+        """Whether a human pilot, or the autopilot's failsafe, has taken over, as the driver has reported it at a time."""
         board = self.board
-        if (has_control, is_failsafe) == self._reported:
+        if (has_control, is_failsafe) == self._reported and not self._has_taken_again(reason, min(reported_s, now_s)):
+            self._pilot_reason = reason if board.has_pilot else self._pilot_reason
             return
-        self._reported = (has_control, is_failsafe)
+        self._reported, self._pilot_reason = (has_control, is_failsafe), reason
         if has_control:
             takeovers.begin(board, reason, now_s, is_failsafe=is_failsafe)
         self.settle(now_s)
+
+    def _has_taken_again(self, reason: str, reported_s: float) -> bool:
+        """Whether a pilot has control after it was taken back: for another reason, or since the driver has missed that."""
+        since_s = reported_s - self._reclaimed_s
+        is_pilot_s = self._reported[0] and not self.board.has_pilot
+        return is_pilot_s and since_s > 0.0 and (reason != self._pilot_reason or since_s > RECLAIM_S)
 
     def operated(self, what: str, now_s: float) -> None:
         """An operator has commanded the autopilot itself, while this process was silent: `station 255 sent return`."""
@@ -376,6 +394,7 @@ class MissionExecutor:
             self._kept_progress = {run.target: run.progress for run in runs}
         if board.is_taking_back:
             board.is_taking_back = False
+            self._reclaimed_s = now_s
             requests.append(ReclaimMotion())
         requests += board.assignments.collect(is_held=board.is_airborne and not board.has_pilot)
         requests += board.reported

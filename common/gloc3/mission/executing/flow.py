@@ -49,12 +49,21 @@ def start_mission(board: Board, item: MissionItem, now_s: float, home_ned_m: Vec
         if condition is not PolicyCondition.LINK_LOST:
             raise Refused(f"{condition}" + (f": {reason}" if reason else ""))
     check_readiness(board, item.mission)
-    if home_ned_m is not None and (problem := home_problem(item.mission, home_ned_m)):
-        raise Refused(problem)
+    refuse_outside(item, home_ned_m)
     manoeuvres.dismiss(board, now_s)
     board.policies = item.mission.policies
     elsewhere.expect(board, item, now_s)
     board.move(item, StateTrigger.START, now_s, BY_OPERATOR)
+
+
+def refuse_outside(program: MissionProgram | None, home_ned_m: Vector3 | None) -> None:
+    """Refuses to take off for a mission where home, if it is known, is outside its fence.
+
+    Raises:
+        Refused: with the reason.
+    """
+    if program is not None and home_ned_m is not None and (problem := home_problem(program.mission, home_ned_m)):
+        raise Refused(problem)
 
 
 def refuse_while_unfit(board: Board) -> None:

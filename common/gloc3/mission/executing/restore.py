@@ -73,7 +73,7 @@ def restore(
         manoeuvres.continue_policy(board, snapshot.policy, f"{cause}, {RESTART}", snapshot.land_at_s, now_s)
     elif mission is not None and mission.is_open:
         _go_on(executor, mission, is_airborne, now_s)
-    elif mission is None and is_airborne and any(kept.own.state is ActionState.RUNNING for kept in snapshot.programs):
+    elif is_airborne and any(kept.own.state is ActionState.RUNNING for kept in snapshot.programs):
         manoeuvres.apply(board, Policy.HOLD, RESTART, now_s)
     executor.settle(now_s)
     return executor

@@ -9,7 +9,7 @@ from gloc3.messages.frames import Vector3
 from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3.messages.readiness import AutopilotSetup
 from gloc3.mission.formats.from_mission import fence_on_earth
-from gloc3.mission.model.arguments import FollowWaypointsOrder
+from gloc3.mission.model.arguments import FollowWaypointsOrder, Teleoperate
 from gloc3.mission.model.legs import Budget
 from gloc3.mission.model.model import Mission, part_of
 from gloc3.mission.model.policy import Policy
@@ -50,9 +50,14 @@ def _flies_on(
     timeout_s = lost.limit(setup.parameters.get)
     if mission.fence is None or timeout_s is None:
         return
-    orders = [order for action in mission.actions().values() if isinstance(order := action.order, FollowWaypointsOrder)]
+    orders = [action.order for part in flights_of(mission) for action in part.actions().values()]
+    ways = [order for order in orders if isinstance(order, FollowWaypointsOrder)]
+    near = [(mission.fence.clearance_m(place), order.speed_m_s) for order in ways for place in order.waypoints_ned_m]
+    near += [
+        (limits.margin_m, order.speed_m_s or limits.speed_m_s) for order in orders if isinstance(order, Teleoperate)
+    ]
     worst = min(
-        ((mission.fence.clearance_m(place), order.speed_m_s) for order in orders for place in order.waypoints_ned_m),
+        near,
         key=lambda one: one[0] - _run_on_m(one[1], timeout_s, limits),
         default=None,
     )
@@ -165,6 +170,12 @@ def _advice(limit: FenceLimit, fence: FenceTable, needed_m: float, kinds: int) -
     return f"set {limit.parameter} to {wanted}, or {or_off}, or change the mission"
 
 
+def flights_of(mission: Mission) -> list[Mission]:
+    """The mission, and each of its contingencies as a mission of its own."""
+    contingencies = [name for name, task in mission.contingencies.items() if task.actions]
+    return [mission, *(part_of(mission, name) for name in contingencies)]
+
+
 def reach_m(mission: Mission, limits: Limits, home_ned_m: Vector3) -> dict[str, float]:
     """Reach of a mission and its contingencies from home, in metres: `away` over ground, `up`, and `down`.
 
@@ -172,7 +183,7 @@ def reach_m(mission: Mission, limits: Limits, home_ned_m: Vector3) -> dict[str, 
     """
     budget = Budget.of(limits, home_ned_m)
     found = dict.fromkeys(_REACHES, 0.0)
-    for part in (mission, *(part_of(mission, name) for name, task in mission.contingencies.items() if task.actions)):
+    for part in flights_of(mission):
         for order in (action.order for action in part.actions().values()):
             if isinstance(order, FollowWaypointsOrder):  # there may be thousands, and this is done in the control path
                 places = order.waypoints_ned_m

@@ -38,6 +38,12 @@ class ReturnTable(NamedTuple):
     """The parameter of its least height above home by its names in several versions, to its unit in metres."""
     climbs: Mapping[str, float] = {}
     """The same of the least climb from where it is."""
+    hover_heights: Mapping[str, float] = {}
+    """The same of the height of a return on rotors, of what has wings, too."""
+    radii: tuple[str, ...] = ()
+    """Parameters of the radius of the circle over home in which it ends, in metres; the first that is not 0 counts."""
+    circles: tuple[str, str] | None = None
+    """A parameter that is 0 where it circles over home until somebody lands it, and how to have it land."""
     lands: str = ""
     """A parameter that is 0 where it ends at home or at a rally point."""
     rally: str = ""
@@ -93,17 +99,36 @@ class StyleTable(NamedTuple):
     """The same of values by which a pilot's transmitter is ignored; wrong where a pilot stands by."""
     own_return: ReturnTable = ReturnTable({})
     """Without heights where it does not climb."""
+    critical_battery: Failsafe = Failsafe("", {0: CONTINUE})
+    transmitter_lost: Failsafe = Failsafe("", {0: CONTINUE})
+    """Of a pilot who stands by."""
+    dead_reckoning: Failsafe = Failsafe("", {0: CONTINUE})
+    """Without satellites, while the position is reckoned on."""
 
     @property
     def alternatives(self) -> tuple[str, ...]:
         """Names of which a vehicle has one or another, by its version."""
         return (*self.arming_checks, *self.own_return.heights, *self.own_return.climbs)
 
+    @property
+    def failsafes(self) -> dict[str, Failsafe]:
+        """All of them, by what brings them about."""
+        return {
+            "link loss": self.link_loss,
+            "low battery": self.low_battery,
+            "critical battery": self.critical_battery,
+            "transmitter lost": self.transmitter_lost,
+            "setpoints lost": self.setpoints_lost,
+            "position lost": self.pose_lost,
+            "dead reckoning": self.dead_reckoning,
+            "fence": self.fence.breach,
+        }
+
     def names(self) -> tuple[str, ...]:
         """Every parameter that is to be read."""
         found: dict[str, None] = {}
         fence = self.fence
-        for failsafe in (self.link_loss, self.low_battery, self.pose_lost, self.setpoints_lost, fence.breach):
+        for failsafe in self.failsafes.values():
             exempt = failsafe.exempt[0] if failsafe.exempt is not None else ""
             found |= dict.fromkeys((failsafe.parameter, failsafe.enabled_by, *failsafe.limit_parameters, exempt))
             found |= dict.fromkeys((failsafe.volts,))
@@ -111,7 +136,8 @@ class StyleTable(NamedTuple):
         found |= dict.fromkeys((*self.calibrated, *self.arming_checks, *self.doubtful, *self.hindering))
         found |= dict.fromkeys(self.ignoring_pilot)
         own = self.own_return
-        found |= dict.fromkeys((*own.heights, *own.climbs, own.lands, own.rally))
+        found |= dict.fromkeys((*own.heights, *own.climbs, *own.hover_heights, *own.radii, own.lands, own.rally))
+        found |= dict.fromkeys(own.circles[:1] if own.circles is not None else ())
         return tuple(name for name in found if name)
 
 

@@ -27,9 +27,12 @@ from gloc3_onboard.checks.parameters import (
 
 _BATTERY_LIMIT: Final = share_of("BATT_LOW_MAH", "BATT_CAPACITY"), ("BATT_LOW_MAH", "BATT_CAPACITY")
 _LOW_V: Final = "BATT_LOW_VOLT"
+_CRITICAL_LIMIT: Final = share_of("BATT_CRT_MAH", "BATT_CAPACITY"), ("BATT_CRT_MAH", "BATT_CAPACITY")
+_CRITICAL_V: Final = "BATT_CRT_VOLT"
 _FIXED_STOP: Final = Failsafe("", {0: HOLD}, lambda _: 3.0)
 """Rover and Sub stop three seconds after the last setpoint, which cannot be changed."""
 
+_NONE: Final = Failsafe("", {0: CONTINUE})
 _CIRCLE: Final = FenceLimit("FENCE_RADIUS", "away", 2)
 _TOP: Final = FenceLimit("FENCE_ALT_MAX", "up", 1)
 _BOTTOM: Final = FenceLimit("FENCE_ALT_MIN", "down", 8)
@@ -40,6 +43,7 @@ _FENCE: Final = FenceTable(
     enabled_by="FENCE_ENABLE",
 )
 
+_COPTER_BATTERY: Final = {0: CONTINUE, 1: LAND, 2: RETURN, 3: RETURN, 4: LAND, 5: TERMINATE, 6: RETURN, 7: HOLD}
 COPTER: Final = StyleTable(
     least_firmware=(4, 4, 0),
     link_loss=Failsafe(
@@ -48,11 +52,15 @@ COPTER: Final = StyleTable(
         value_of("FS_GCS_TIMEOUT"),
         ("FS_GCS_TIMEOUT",),
     ),
-    low_battery=Failsafe(
-        "BATT_FS_LOW_ACT",
-        {0: CONTINUE, 1: LAND, 2: RETURN, 3: RETURN, 4: LAND, 5: TERMINATE, 6: RETURN, 7: HOLD},
-        *_BATTERY_LIMIT,
-        volts=_LOW_V,
+    low_battery=Failsafe("BATT_FS_LOW_ACT", _COPTER_BATTERY, *_BATTERY_LIMIT, volts=_LOW_V),
+    critical_battery=Failsafe("BATT_FS_CRT_ACT", _COPTER_BATTERY, *_CRITICAL_LIMIT, volts=_CRITICAL_V),
+    transmitter_lost=Failsafe(
+        "FS_THR_ENABLE",
+        {0: CONTINUE, 1: RETURN, 2: RETURN, 3: LAND, 4: RETURN, 5: LAND, 6: RETURN, 7: HOLD},
+        exempt=("FS_OPTIONS", 4),
+    ),
+    dead_reckoning=Failsafe(
+        "FS_DR_ENABLE", {0: CONTINUE, 1: LAND, 2: RETURN, 3: RETURN, 4: LAND, 5: TERMINATE, 6: RETURN, 7: HOLD}
     ),
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: LAND, 2: PILOT, 3: LAND}),
     setpoints_lost=Failsafe("", {0: HOLD}, value_of("GUID_TIMEOUT"), ("GUID_TIMEOUT",)),
@@ -70,6 +78,9 @@ ROVER: Final = COPTER._replace(
         "FS_ACTION", _ROVER_ACTIONS, value_of("FS_GCS_TIMEOUT"), ("FS_GCS_TIMEOUT",), enabled_by="FS_GCS_ENABLE"
     ),
     low_battery=Failsafe("BATT_FS_LOW_ACT", _ROVER_ACTIONS, *_BATTERY_LIMIT, volts=_LOW_V),
+    critical_battery=Failsafe("BATT_FS_CRT_ACT", _ROVER_ACTIONS, *_CRITICAL_LIMIT, volts=_CRITICAL_V),
+    transmitter_lost=Failsafe("FS_ACTION", _ROVER_ACTIONS, enabled_by="FS_THR_ENABLE"),
+    dead_reckoning=_NONE,
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: HOLD, 2: CONTINUE}),
     setpoints_lost=_FIXED_STOP,
     fence=_FENCE._replace(
@@ -89,6 +100,9 @@ SUB: Final = COPTER._replace(
     low_battery=Failsafe(
         "BATT_FS_LOW_ACT", {0: CONTINUE, 1: CONTINUE, 2: DISARM, 3: LAND}, *_BATTERY_LIMIT, volts=_LOW_V
     ),
+    critical_battery=_NONE,
+    transmitter_lost=_NONE,
+    dead_reckoning=_NONE,
     pose_lost=Failsafe("FS_EKF_ACTION", {0: CONTINUE, 1: CONTINUE, 2: DISARM}),
     setpoints_lost=_FIXED_STOP,
     fence=_FENCE._replace(breach=Failsafe("", {0: CONTINUE}), limits=(_TOP, _CIRCLE, _BOTTOM)),
@@ -97,28 +111,37 @@ SUB: Final = COPTER._replace(
 )
 """To *land* is to surface. At its fence it does nothing but record that it was left."""
 
+_PLANE_LONG: Final = {0: CONTINUE, 1: RETURN, 2: TERMINATE, 3: TERMINATE, 4: "fly its own mission", 5: LAND}
+_PLANE_BATTERY: Final = {0: CONTINUE, 1: RETURN, 2: LAND, 3: TERMINATE, 4: LAND, 5: TERMINATE, 6: LAND, 7: LAND}
 PLANE: Final = COPTER._replace(
     link_loss=Failsafe(
         "FS_LONG_ACTN",
-        {0: CONTINUE, 1: RETURN, 2: TERMINATE, 3: TERMINATE, 4: "fly its own mission", 5: LAND},
+        _PLANE_LONG,
         value_of("FS_LONG_TIMEOUT"),
         ("FS_LONG_TIMEOUT",),
         enabled_by="FS_GCS_ENABL",
     ),
-    low_battery=Failsafe(
-        "BATT_FS_LOW_ACT",
-        {0: CONTINUE, 1: RETURN, 2: LAND, 3: TERMINATE, 4: LAND, 5: TERMINATE, 6: LAND, 7: LAND},
-        *_BATTERY_LIMIT,
-        volts=_LOW_V,
-    ),
-    pose_lost=Failsafe("", {0: CONTINUE}),
+    low_battery=Failsafe("BATT_FS_LOW_ACT", _PLANE_BATTERY, *_BATTERY_LIMIT, volts=_LOW_V),
+    critical_battery=Failsafe("BATT_FS_CRT_ACT", _PLANE_BATTERY, *_CRITICAL_LIMIT, volts=_CRITICAL_V),
+    transmitter_lost=Failsafe("FS_LONG_ACTN", _PLANE_LONG, enabled_by="THR_FAILSAFE"),
+    dead_reckoning=_NONE,
+    pose_lost=_NONE,
     setpoints_lost=Failsafe("", {0: HOLD}),
     fence=_FENCE._replace(breach=Failsafe("FENCE_ACTION", {0: CONTINUE, 1: RETURN, 6: HOLD, 7: HOLD, 8: LAND})),
-    own_return=ReturnTable({"RTL_ALTITUDE": 1.0, "ALT_HOLD_RTL": 0.01}, rally="RALLY_TOTAL"),
+    own_return=ReturnTable(
+        {"RTL_ALTITUDE": 1.0, "ALT_HOLD_RTL": 0.01},
+        radii=("RTL_RADIUS", "WP_LOITER_RAD"),
+        circles=(
+            "RTL_AUTOLAND",
+            "have that failsafe land (6), or set RTL_AUTOLAND to 2 with a landing in the autopilot",
+        ),
+        rally="RALLY_TOTAL",
+    ),
 )
 """*Hold* means circling; without a position it continues by dead reckoning."""
 
 VTOL: Final = PLANE._replace(
+    own_return=PLANE.own_return._replace(hover_heights={"Q_RTL_ALT": 1.0}, circles=None),
     doubtful={
         "Q_RTL_MODE": (0.0, "has RTL circle over home instead of landing there"),
         "Q_TRANS_FAIL": (0.0, "tries a transition to wings without end"),

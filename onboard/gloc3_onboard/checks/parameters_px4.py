@@ -35,6 +35,11 @@ COPTER: Final = StyleTable(
     low_battery=Failsafe(
         "COM_LOW_BAT_ACT", {0: CONTINUE, 1: RETURN, 2: LAND, 3: RETURN}, value_of("BAT_CRIT_THR"), ("BAT_CRIT_THR",)
     ),
+    transmitter_lost=Failsafe(
+        "NAV_RCL_ACT",
+        {1: HOLD, 2: RETURN, 3: LAND, 5: TERMINATE, 6: DISARM},
+        exempt=("COM_RCL_EXCEPT", 4),
+    ),
     pose_lost=Failsafe("", {0: LAND}),
     setpoints_lost=Failsafe(
         "COM_OBL_RC_ACT",

@@ -155,18 +155,28 @@ def test_a_submarine_s_fence_has_a_depth_and_does_nothing_at_it() -> None:
 
 
 NEAR = "geofence: {circle: {center: [47.0, 8.0], radius_m: 114}}"
+NEARBY = MISSION.replace("[47.001, 8.0, 40]", "[47.0, 8.0, 40]")
 SLOW = MISSION.replace("[47.001, 8.0, 40]}", "[47.001, 8.0, 40], speed_m_s: 0.5}")
+
+
+REFUGE = "contingencies: {refuge: {actions: {away: {go_to: {position: [47.001, 8.0, 40]}}}}}\n"
+BY_HAND = "there: {teleoperate: {duration_s: 20, speed_m_s: 4}"
 
 
 @pytest.mark.parametrize(
     ("style", "changes", "mission", "finding"),
     [
+        (ARDUPILOT, {"GUID_TIMEOUT": 3.0}, NEARBY + "on_low_battery: {task: refuge, then: land}\n" + REFUGE,
+         "flies on for 3 s"),
+        (ARDUPILOT, {"GUID_TIMEOUT": 3.0}, NEARBY.replace("there: {go_to: {position: [47.0, 8.0, 40]}", BY_HAND),
+         "at 4 m/s the autopilot flies on for 3 s"),
+        (ARDUPILOT, {"GUID_TIMEOUT": 3.0}, NEARBY, ""),
         (ARDUPILOT, {"GUID_TIMEOUT": 3.0}, MISSION, "flies on for 3 s"),
         (PX4, {"COM_OF_LOSS_T": 5.0}, MISSION, "flies on for 5 s"),
         (ARDUPILOT, {"GUID_TIMEOUT": 3.0}, SLOW, ""),
         (ARDUPILOT, {}, MISSION, ""),
     ],
-)
+)  # fmt: skip
 def test_it_is_told_where_a_dead_companion_would_let_the_vehicle_out(
     style: Style, changes: dict[str, float], mission: str, finding: str
 ) -> None:
@@ -177,7 +187,8 @@ def test_it_is_told_where_a_dead_companion_would_let_the_vehicle_out(
         if "flies on" in one.finding
     ]
     assert len(told) == bool(finding)
-    assert all(finding in one and "within 2.8 m of its fence" in one for one in told), told
+    near = "within 1.0 m" if BY_HAND in mission else "within 2.8 m"
+    assert all(finding in one and f"{near} of its fence" in one for one in told), told
 
 
 @pytest.mark.parametrize(("action", "verdict"), [(1, Verdict.OK), (0, Verdict.WARNING)])

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.preflight import Check, Verdict
 from gloc3.messages.readiness import AutopilotSetup
-from gloc3.messages.vehicle import Style, VehicleClass
+from gloc3.messages.vehicle import AutopilotState, Style, VehicleClass
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.platform.reader import load_platform
 from gloc3_onboard.autopilot.presets.files import load_preset
@@ -18,7 +18,7 @@ from gloc3_onboard.checks.readings import Readings
 from gloc3_onboard.checks.tables import table_of
 
 PX4, ARDUPILOT = Style.PX4, Style.ARDUPILOT
-COPTER, PLANE, ROVER = VehicleClass.COPTER, VehicleClass.PLANE, VehicleClass.ROVER
+COPTER, PLANE, ROVER, VTOL = VehicleClass.COPTER, VehicleClass.PLANE, VehicleClass.ROVER, VehicleClass.VTOL
 SQUARE = "{polygon_m: [[-5, -5], [40, -5], [40, 40], [-5, 40]], ceiling_m: 8}"
 CORNER = "{polygon_m: [[-5, -5], [40, -5], [40, 40], [30, 40], [30, 5], [-5, 5]], ceiling_m: 8}"
 KEEP_OUT = SQUARE.replace("ceiling_m: 8", "ceiling_m: 8, keep_out: [{circle_m: {center_m: [17, 17], radius_m: 3}}]")
@@ -46,8 +46,12 @@ def lines(
     vehicle: VehicleClass = COPTER,
     fence: str = SQUARE,
     without: tuple[str, ...] = (),
+    mission: str = MISSION,
+    has_pilot: bool = False,
 ) -> list[Check]:
-    return list(own_return_checks(readings_of(style, changes, vehicle=vehicle, fence=fence, without=without)))
+    readings = readings_of(style, changes, vehicle=vehicle, fence=fence, without=without, mission=mission)
+    state = AutopilotState(is_connected=True, has_transmitter=has_pilot)
+    return list(own_return_checks(dataclasses.replace(readings, autopilot=state)))
 
 
 def readings_of(
@@ -57,12 +61,13 @@ def readings_of(
     vehicle: VehicleClass = COPTER,
     fence: str = SQUARE,
     without: tuple[str, ...] = (),
+    mission: str = MISSION,
 ) -> Readings:
     platform = load_platform("copter")
     circumstances = Circumstances(
         platform=platform, origin=GeoPoint(*platform.frames["site"].origin.geo), home_ned_m=(0.0, 0.0, 0.0)
     )
-    report = check_text(MISSION.replace("FENCE", fence), "m", circumstances)
+    report = check_text(mission.replace("FENCE", fence), "m", circumstances)
     names = [name for name in table_of(style, vehicle).names() if name not in without]
     values = {name: float(value) for name, value in {**RETURNING[style], **(changes or {})}.items() if name in names}
     setup = AutopilotSetup(style=style, vehicle=vehicle, parameters=values, is_complete=True)
@@ -110,6 +115,76 @@ def test_a_return_through_the_ceiling_or_to_elsewhere_is_red(
     assert line.verdict is Verdict.RED
     assert finding in line.finding
     assert line.advice == advice
+
+
+QUIET = {"BATT_FS_LOW_ACT": 1, "FENCE_ACTION": 4, "RTL_ALT_M": 15}
+"""Of ArduCopter: no low battery and no fence has it return."""
+
+
+@pytest.mark.parametrize(
+    ("style", "changes", "has_pilot", "cause"),
+    [
+        (ARDUPILOT, {**QUIET, "FS_THR_ENABLE": 1}, True, "transmitter lost"),
+        (ARDUPILOT, {**QUIET, "FS_THR_ENABLE": 1}, False, ""),
+        (ARDUPILOT, {**QUIET, "FS_THR_ENABLE": 1, "FS_OPTIONS": 4}, True, ""),
+        (ARDUPILOT, {**QUIET, "BATT_FS_CRT_ACT": 2, "BATT_CRT_MAH": 300}, False, "critical battery"),
+        (ARDUPILOT, {**QUIET, "BATT_FS_CRT_ACT": 2, "BATT_CRT_MAH": 0, "BATT_CRT_VOLT": 0}, False, ""),
+        (ARDUPILOT, {**QUIET, "FS_DR_ENABLE": 2}, False, "dead reckoning"),
+        (PX4, {"COM_LOW_BAT_ACT": 2, "RTL_RETURN_ALT": 15, "NAV_RCL_ACT": 2}, True, "transmitter lost"),
+        (PX4, {"COM_LOW_BAT_ACT": 2, "RTL_RETURN_ALT": 15, "NAV_RCL_ACT": 2, "COM_RCL_EXCEPT": 4}, True, ""),
+    ],
+)
+def test_whatever_has_it_return_through_the_ceiling_is_red(
+    style: Style, changes: dict[str, float], has_pilot: bool, cause: str
+) -> None:
+    found = lines(style, changes, has_pilot=has_pilot)
+    if not cause:
+        assert found == []
+        return
+    (line,) = found
+    assert line.verdict is Verdict.RED
+    assert line.finding.startswith(f"its own return ({cause}) climbs to 15 m above home")
+
+
+def test_the_return_of_what_has_wings_and_rotors_has_two_heights() -> None:
+    changes = {"BATT_FS_LOW_ACT": 1, "RTL_ALTITUDE": 4, "Q_RTL_ALT": 150}
+    (line,) = lines(ARDUPILOT, changes, vehicle=VTOL)
+    assert line.verdict is Verdict.RED
+    assert line.advice == "set Q_RTL_ALT to 7 or less, which is 7 m, or raise the ceiling"
+
+
+def test_a_return_above_the_platform_s_height_is_told_where_the_mission_has_no_ceiling() -> None:
+    (line,) = lines(ARDUPILOT, {"RTL_ALT_M": 500}, fence=SQUARE.replace(", ceiling_m: 8", ""))
+    assert line.verdict is Verdict.WARNING
+    assert "climbs to 500 m above home; the platform's height_max_m is" in line.finding
+
+
+@pytest.mark.parametrize(
+    ("changes", "title", "finding"),
+    [
+        ({"RTL_RADIUS": -30, "WP_LOITER_RAD": 2}, "own return: circle", "circles 30 m around home, which is 5 m from"),
+        ({"RTL_RADIUS": 0, "WP_LOITER_RAD": 60}, "own return: circle", "circles 60 m around home"),
+        ({"BATT_FS_LOW_ACT": 1, "RTL_AUTOLAND": 0}, "own return: end", "circles over home until the battery is empty"),
+        ({"BATT_FS_LOW_ACT": 1, "RTL_AUTOLAND": 2}, "own return", ""),
+    ],
+)
+def test_a_plane_s_return_circles_inside_the_fence_and_is_landed(
+    changes: dict[str, float], title: str, finding: str
+) -> None:
+    (line,) = lines(ARDUPILOT, changes, vehicle=PLANE)
+    assert line.title == f"failsafes: {title}"
+    assert line.verdict is (Verdict.RED if finding else Verdict.OK)
+    assert finding in line.finding
+
+
+def test_a_contingency_s_way_home_is_looked_at_too() -> None:
+    far = "{follow_waypoints: {waypoints_m: [[35, 0, 5], [35, 35, 5]]}"
+    refuge = "contingencies:\n  refuge: {actions: {away: " + far + "}}}\n"
+    straight = MISSION.replace(far, "{follow_waypoints: {waypoints_m: [[35, 0, 5]]}")
+    straight = straight.replace("on_failure: land\n", "on_failure: land\non_low_battery: {task: refuge, then: land}\n")
+    (line,) = lines(ARDUPILOT, fence=CORNER, mission=straight + refuge)
+    assert line.verdict is Verdict.RED
+    assert "on refuge.away, it would leave the mission's fence" in line.finding
 
 
 @pytest.mark.parametrize("fence", [CORNER, KEEP_OUT])

@@ -87,17 +87,17 @@ def _climb_to(
     name: str, height_m: float, unit_m: float, room_m: float, margin_m: float, why: str, *, is_ceiling: bool
 ) -> Iterator[Check]:
     """One height above home of the return, against the room above home."""
-    title = "own return: height"
     if is_ceiling and height_m > room_m - margin_m + 1e-6:
         finding = (
             f"{why} climbs to {height_m:g} m above home; the mission's ceiling is {beside(room_m, height_m)} m above it"
         )
         most_m = max(floor(10.0 * (room_m - margin_m)) / 10.0, LEAST_HEIGHT_M)
         advice = f"set {name} to {most_m / unit_m:g} or less, which is {most_m:g} m, or raise the ceiling"
-        yield Check(GROUP, title, Verdict.RED, finding, advice)
+        yield Check(GROUP, "own return: height", Verdict.RED, finding, advice)
     elif not is_ceiling and height_m > room_m + 1e-6:
         finding = f"{why} climbs to {height_m:g} m above home; the platform's height_max_m is {room_m:g} m"
-        yield Check(GROUP, title, Verdict.WARNING, finding, f"set {name} to {room_m / unit_m:g} or less")
+        advice = f"set {name} to {room_m / unit_m:g} or less"
+        yield Check(GROUP, "own return: height", Verdict.WARNING, finding, advice)
 
 
 def _way(mission: Mission, fence: Fence, limits: Limits, home: Vector3, why: str) -> Iterator[Check]:

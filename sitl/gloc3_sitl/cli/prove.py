@@ -108,6 +108,10 @@ def prove(mission: str = "", /, options: ProveOptions = ProveOptions()) -> int:
         raise Refused("name a mission, or set --replay FILE")
     if options.fly and not options.static:
         raise Refused("--fly goes with --static")
+    if options.jobs is not None and options.jobs < 1:
+        raise Refused("--jobs must be 1 or more")
+    if options.static and (options.flights or options.minutes or options.first):
+        raise Refused("--flights, --minutes and --first are about the search, not about --static")
     return _static(mission, options) if options.static else _search(mission, options)
 
 
@@ -133,7 +137,7 @@ def _replay(path: Path, options: ProveOptions) -> int:
             narrate(line)
         ended = f"mission {result.state or 'not started'}" + (f" ({result.reason})" if result.reason else "")
         print("\n".join([f"{ended}, {result.ended_s:.1f} s", *(str(one) for one in result.broken)]))  # noqa: T201
-    return EXIT_BROKEN if result.broken else EXIT_HOLDS
+    return EXIT_BROKEN if result.broken or not result.started_s else EXIT_HOLDS
 
 
 def _static(mission: str, options: ProveOptions) -> int:
@@ -219,7 +223,11 @@ def as_lines(progress: "SearchProgress") -> list[str]:
         "  ended    " + ", ".join(f"{count} {state}" for state, count in progress.states.items()),
     ]
     if not progress.found:
-        return [*lines, "  every invariant held"]
+        held = ", ".join(f"{count} {name}" for name, count in progress.broken.items())
+        return [
+            *lines,
+            f"  broken   {held}: the flights hold when they are flown again" if held else "  every invariant held",
+        ]
     for number, found in enumerate(progress.found, start=1):
         lines += ["", f"{number}. {found.broken.invariant}", f"   {found.command}"]
         lines += [f"   gloc3 prove --replay {found.folder}/replay.json"] if found.folder else []

@@ -26,6 +26,8 @@ class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """As `gloc3 fly --fault` takes them."""
     text: str = ""
     """Of the mission where it is no longer the file's: a shortened one."""
+    platform_text: str = ""
+    """The platform file with its bases, where it is not an installed one and the case is to be replayed elsewhere."""
 
     def line(self) -> str:
         """The case as one line of JSON: a replay file, and a row of a table of cases."""
@@ -46,6 +48,26 @@ class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         for fault in self.faults:
             words += ["--fault", fault]
         return shlex.join(words)
+
+    def contained(self) -> "FlightCase":
+        """The same with the texts of its files, which may change or be elsewhere when it is replayed."""
+        from gloc3.platform.reader import whole_text
+        from gloc3_sitl.flight.mission_file import find_file
+
+        text, platform_text = self.text, self.platform_text
+        if not text and Path(self.mission).is_file() and Path(self.mission).suffix == ".yaml":
+            text = find_file(self.mission).read_text(encoding="utf-8")
+        if not platform_text and Path(self.platform).is_file():
+            platform_text = whole_text(self.platform)
+        return msgspec.structs.replace(self, text=text, platform_text=platform_text)
+
+    def platform_file(self, folder: Path) -> str:
+        """The platform's name or file; a text is written into a folder first."""
+        if not self.platform_text:
+            return self.platform
+        path = folder / "platform.yaml"
+        path.write_text(self.platform_text, encoding="utf-8")
+        return str(path)
 
     def file(self, folder: Path) -> Path:
         """The mission's file; a text is written into a folder first."""

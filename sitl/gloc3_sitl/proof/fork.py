@@ -19,6 +19,7 @@ from gloc3_sitl.flight.messages import SimFault, SimTruth
 from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.invariant import BrokenInvariant
+from gloc3_sitl.proof.standard_invariants import invariants_but
 from gloc3_sitl.proof.trial import Conditions, TrialResult, fly_case
 
 SAME_M: Final = 1e-6
@@ -66,10 +67,14 @@ def fork(log: Path, changed: Changed, out: Path) -> Forked:
     Raises:
         Gloc3Error: the log does not hold what the flight needs, or the flight is another one before the moment.
     """
+    if not changed.at_s >= 0.0 or any("@" in fault for fault in changed.faults):
+        raise Refused("the change comes at one time of the flight: --at in seconds from 0, and faults without times")
     with LogReader(find_log(log), TopicTable.installed().types) as reader:
         reader.require_ours("simulated flight")
         recorded = _positions(reader)
         case, conditions = _case(reader, out)
+    if recorded and changed.at_s >= recorded[-1][0]:
+        raise Refused(f"{log} ended at {recorded[-1][0]:.1f} s: nothing can be changed at {changed.at_s:g} s")
     faults = tuple(
         f"{fault}@{changed.at_s:g}.." if _lasts(fault) else f"{fault}@{changed.at_s:g}" for fault in changed.faults
     )
@@ -171,21 +176,25 @@ def _fly(
     case: FlightCase, conditions: Conditions, changed: Changed, out: Path, positions: list[tuple[float, Vector3]]
 ) -> TrialResult:
     problems: list[str] = []
+    tasks: list[asyncio.Task[None]] = []
 
     def prepare(flight: Flight) -> None:
         flight.exchange.subscribe(
             f"{flight.name}/sim/truth", lambda one: positions.append((one.t_s, one.payload.position_ned_m))
         )
-        tasks = [
-            flight.loop.create_task(_change(flight, name, changed))
+        tasks.extend(
+            flight.loop.create_task(_change(flight, name, changed), name=name)
             for name in {**changed.components, **changed.settings}
-        ]
+        )
         for task in tasks:
             task.add_done_callback(lambda done: problems.extend(_problem(done)))
 
-    result = fly_case(case, out=out, is_stopping=False, prepare=prepare, conditions=conditions)
-    if problems:
-        raise Refused(problems[0])
+    # What is exchanged ends its action, as a component that is shut down does: that is no fault of the others.
+    kinds = invariants_but(("goes_on",)) if changed.components or changed.settings else None
+    result = fly_case(case, out=out, kinds=kinds, is_stopping=False, prepare=prepare, conditions=conditions)
+    late = [f"the flight ended before {task.get_name()} was exchanged" for task in tasks if task.cancelled()]
+    if problems or late:
+        raise Refused((problems or late)[0])
     return result
 
 

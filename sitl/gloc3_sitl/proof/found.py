@@ -44,7 +44,7 @@ def write_found(case: FlightCase, kind: type[Invariant], folder: Path | None, fl
     """
     if folder is not None:
         recreate(folder)
-        (folder / REPLAY).write_text(case.line() + "\n", encoding="utf-8")
+        (folder / REPLAY).write_text(case.contained().line() + "\n", encoding="utf-8")
         if case.text:
             (folder / MISSION).write_text(case.text, encoding="utf-8")
     result = fly_case(case, out=folder, kinds=(kind,))

@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from hashlib import sha256
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from random import Random
@@ -19,6 +20,8 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.component.workers import guard
 from gloc3.errors import UNREADABLE, Gloc3Error, Refused
+from gloc3.messages.software import own_software
+from gloc3.platform.reader import whole_text
 from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.proof.case import FlightCase
@@ -53,6 +56,14 @@ class SearchedFlight(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tr
     ended_s: float = 0.0
     changes_s: tuple[float, ...] = ()
     """When the mission's state, its policy or the autopilot's mode has changed; empty where nothing was new."""
+
+
+class SearchHead(msgspec.Struct, frozen=True, kw_only=True):
+    """The first line of what a search remembers: which one it is."""
+
+    case: FlightCase
+    sources: str
+    """Digest of mission, platform and version: with others the same case is another flight."""
 
 
 class _Seed(msgspec.Struct):
@@ -124,14 +135,19 @@ class Search:
 
     def _read(self) -> list[SearchedFlight]:
         path = self._path
-        if path is None or not path.exists():
-            if path is not None:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(msgspec.json.encode(self.base) + b"\n")
+        if path is None:
             return []
-        first, *lines = path.read_bytes().splitlines()
-        if msgspec.json.decode(first, type=FlightCase) != self.base:
-            raise Refused(f"{path} belongs to another search; choose another folder or remove it")
+        head = msgspec.json.encode(SearchHead(case=self.base, sources=sources(self.base)))
+        lines = path.read_bytes().splitlines() if path.exists() else []
+        if not lines:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(head + b"\n")
+            return []
+        if lines.pop(0) != head:
+            raise Refused(
+                f"{path} belongs to another search, or mission, platform or version have changed since; choose another "
+                "folder or remove it"
+            )
         kept = []
         for line in lines:
             try:
@@ -202,6 +218,15 @@ class Search:
     def found(self) -> list[SearchedFlight]:
         """The flights that broke an invariant."""
         return [one for one in self.flights if one.broken]
+
+
+def sources(base: FlightCase) -> str:
+    """Digest of what a case only names: the texts of its mission and platform, and the version."""
+    from gloc3_sitl.flight.mission_file import find_file
+
+    mission = base.text or find_file(base.mission).read_text(encoding="utf-8")
+    parts = (mission, whole_text(base.platform), own_software().version)
+    return sha256("\0".join(parts).encode()).hexdigest()
 
 
 def _vehicle(base: FlightCase) -> str:

@@ -127,7 +127,8 @@ class _Trial:
 
     def __init__(self, case: FlightCase, scratch: Path, out: Path | None, kinds: tuple[type[Invariant], ...]) -> None:
         self._case, self._out, self._kinds = case, out, kinds
-        self._platform: Platform = load_platform(case.platform, is_loading_classes=True, devices=DEVICES)
+        self._platform_file = case.platform_file(scratch)
+        self._platform: Platform = load_platform(self._platform_file, is_loading_classes=True, devices=DEVICES)
         self._mission = read_mission_file(case.file(scratch), self._platform, out or scratch)
         self._phases: list[tuple[float, str]] = []
         self._started_s = 0.0
@@ -141,7 +142,7 @@ class _Trial:
         case, mission = self._case, self._mission
         plan = FlightPlan(
             mission=mission.file,
-            platform=case.platform,
+            platform=self._platform_file,
             autopilot=case.autopilot,
             seed=case.seed,
             wind=self.wind,

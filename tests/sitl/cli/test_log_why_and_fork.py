@@ -87,3 +87,19 @@ def test_a_component_is_made_anew_with_other_settings(run: Path, tmp_path: Path)
     assert any("start viewer" in line for line in forked.story)
     with pytest.raises(Refused, match="has no component 'viewr'; did you mean 'viewer'"):
         fork(run, Changed(at_s=9.0, settings={"viewr": {}}), tmp_path)
+
+
+def test_a_change_that_cannot_come_is_refused(run: Path, tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="nothing can be changed at 9999 s"):
+        fork(run, Changed(at_s=9999.0, settings={"viewer": {}}), tmp_path)
+    for changed in (Changed(at_s=float("nan")), Changed(at_s=-1.0), Changed(at_s=9.0, faults=("pilot:land@3",))):
+        with pytest.raises(Refused, match="faults without times"):
+            fork(run, changed, tmp_path)
+    with pytest.raises(Refused, match="the flight ended before viewer was exchanged"):
+        fork(run, Changed(at_s=9.0, settings={"viewer": {}}, faults=("link_loss",)), tmp_path)
+
+
+def test_an_action_that_an_exchange_ends_breaks_no_invariant(run: Path, tmp_path: Path) -> None:
+    forked = fork(run, Changed(at_s=5.0, settings={"take_off": {"arm": True}}), tmp_path)
+    assert forked.state == "failed"
+    assert forked.broken == ()

@@ -4,6 +4,7 @@ import json
 from io import StringIO
 from pathlib import Path
 
+import msgspec
 import pytest
 from rich.console import Console
 
@@ -67,6 +68,8 @@ def test_wrong_use_is_refused(options: ProveOptions, says: str) -> None:
         (ProveOptions(minutes=0.0), "--minutes must be more than 0"),
         (ProveOptions(shrink=-1), "--shrink must be 0 or more"),
         (ProveOptions(seed=-1), "--seed must be 0 or more"),
+        (ProveOptions(jobs=-3), "--jobs must be 1 or more"),
+        (ProveOptions(static=True, flights=3), "about the search, not about --static"),
         (ProveOptions(ignore=["it_end"]), "did you mean 'it_ends'"),
     ],
 )
@@ -105,3 +108,16 @@ def test_a_replay_file_is_flown(tmp_path: Path, capsys: pytest.CaptureFixture[st
     file.write_text(FlightCase(mission="hop", platform="pelican_rtk").line())
     assert run(["prove", "--replay", str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["state"] == "done"
+
+
+@pytest.mark.flight
+def test_a_replayed_flight_that_does_not_begin_has_not_held(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "replay.json"
+    file.write_text(FlightCase(mission="hop", platform="pelican_rtk", faults=("crash:limiter@0.5..60",)).line())
+    assert run(["prove", "--replay", str(file)]) == 1
+    assert "not started" in capsys.readouterr().out
+
+
+def test_what_was_broken_and_holds_when_it_is_flown_again_is_told() -> None:
+    progress = msgspec.structs.replace(PROGRESS, found=[])
+    assert as_lines(progress)[-1] == "  broken   1 it_ends: the flights hold when they are flown again"

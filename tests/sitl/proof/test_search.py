@@ -11,6 +11,8 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import MissionSummary
+from gloc3.mission.examples import find_mission
+from gloc3.platform.reader import whole_text
 from gloc3_onboard.components.controllers.hold import HoldController
 from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
 from gloc3_sitl.faults.fault_text import parse
@@ -111,6 +113,29 @@ def test_a_folder_of_another_search_is_refused(first_flights: tuple[Search, Path
     other = Search(msgspec.structs.replace(HOP, seed=7), pretend, (NeverPaused,), out)
     with pytest.raises(Refused, match="belongs to another search"):
         other.begin()
+
+
+def test_a_folder_whose_platform_file_has_changed_since_is_refused(tmp_path: Path) -> None:
+    platform = tmp_path / "p.yaml"
+    platform.write_text(whole_text("pelican_rtk"), encoding="utf-8")
+    base = msgspec.structs.replace(HOP, platform=str(platform))
+    Search(base, pretend, (NeverPaused,), tmp_path).begin()
+    Search(base, pretend, (NeverPaused,), tmp_path).begin()
+    platform.write_text(whole_text("pelican_rtk") + "# changed\n", encoding="utf-8")
+    with pytest.raises(Refused, match="platform or version have changed"):
+        Search(base, pretend, (NeverPaused,), tmp_path).begin()
+
+
+@pytest.mark.parametrize(("left", "is_refused"), [("", False), ("garbage\n", True)])
+def test_what_a_search_has_left_is_none_or_no_search(tmp_path: Path, left: str, is_refused: bool) -> None:
+    (tmp_path / STATE).write_text(left, encoding="utf-8")
+    search = Search(HOP, pretend, (NeverPaused,), tmp_path)
+    if is_refused:
+        with pytest.raises(Refused, match="belongs to another search"):
+            search.begin()
+    else:
+        search.begin()
+        assert (tmp_path / STATE).stat().st_size > 0
 
 
 def test_at_first_every_other_flight_has_one_short_trouble_each_once(first_flights: tuple[Search, Path]) -> None:
@@ -345,6 +370,21 @@ def test_a_case_is_one_line_and_one_command() -> None:
     case = msgspec.structs.replace(HOP, seed=3, wind_m_s=2.5, faults=("crash:pose@3",))
     assert msgspec.json.decode(case.line(), type=FlightCase) == case
     assert case.command() == "gloc3 fly hop --platform pelican_rtk --seed 3 --wind 2.5 --fault crash:pose@3"
+
+
+def test_a_replay_file_holds_the_mission_and_the_platform_that_it_was_found_with(tmp_path: Path) -> None:
+    mission, platform = tmp_path / "m.yaml", tmp_path / "p.yaml"
+    mission.write_text(find_mission("hop").read_text(encoding="utf-8"), encoding="utf-8")
+    platform.write_text(whole_text("pelican_rtk"), encoding="utf-8")
+    case = FlightCase(mission=str(mission), platform=str(platform)).contained()
+    mission.unlink()
+    platform.unlink()
+    (tmp_path / "replay.json").write_text(case.line(), encoding="utf-8")
+    again = read_case(tmp_path / "replay.json")
+    assert again == case
+    result = fly_case(again)
+    assert (result.state, result.broken, result.refused) == ("done", (), "")
+    assert FlightCase(mission="hop", platform="pelican_rtk").contained().text == ""
 
 
 def test_a_replay_file_that_is_none_is_refused(tmp_path: Path) -> None:

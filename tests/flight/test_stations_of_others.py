@@ -174,6 +174,73 @@ def test_a_fence_belongs_to_the_uploaded_mission_and_rally_points_to_none(flight
     flight.until(lambda: flight.mission.digest == "", 1.0, "no mission is loaded")
 
 
+def fenced(tool: Tool) -> str:
+    """Uploads a mission and a fence; the digest of what is loaded then."""
+    circle = item(5003, frame=0, param1=60.0, height_m=0.0)
+    assert tool.wait_for(upload(tool, HOP)) is PlanResult.ACCEPTED
+    assert tool.wait_for(upload(tool, (circle,), PlanType.FENCE)) is PlanResult.ACCEPTED
+    tool.card.until(lambda: bool(tool.card.last("motion/geofence").areas), 2.0, "the fence is in force")
+    tool.card.wait(1.0)
+    return tool.card.mission.digest
+
+
+def requests_since(flight: Card, count: int) -> list[str]:
+    """What was requested of the command interface server after the first `count` requests, but queries."""
+    bodies = (one.payload.body for one in flight.received["ci/request"][count:])
+    return [type(body).__name__ for body in bodies if isinstance(body, LoadMission | Steer)]
+
+
+def test_clearing_all_plans_clears_the_mission_and_its_fence(flight: Card) -> None:
+    tool = begun(flight)
+    assert fenced(tool)
+    before = len(flight.received["ci/request"])
+    assert tool.wait_for(tool.missions.clear(COMPANION, now_s=tool.now_s)) is PlanResult.ACCEPTED
+    flight.wait(3.0)
+    assert flight.mission.digest == "", "no mission is loaded"
+    assert requests_since(flight, before) == ["Steer"], "nor was one loaded meanwhile"
+    for kind in (PlanType.MISSION, PlanType.FENCE):
+        assert tool.wait_for(read := tool.missions.download(COMPANION, kind=kind, now_s=tool.now_s)) is not None
+        assert not read.items
+    assert tool.command(START) is CommandResult.DENIED
+
+
+def test_mission_and_fence_that_are_cleared_or_sent_at_once_are_decided_one_after_the_other(flight: Card) -> None:
+    tool = begun(flight)
+    fenced(tool)
+    before = len(flight.received["ci/request"])
+    for kind in (PlanType.MISSION, PlanType.FENCE):
+        tool.send("MISSION_CLEAR_ALL", mission_type=kind)
+    flight.wait(3.0)
+    assert flight.mission.digest == "", "no mission is loaded"
+    assert requests_since(flight, before) == ["Steer"]
+
+    digest = fenced(tool)
+    before = len(flight.received["ci/request"])
+    tool.send("MISSION_CLEAR_ALL", mission_type=PlanType.FENCE)
+    assert tool.wait_for(upload(tool, HOP)) is PlanResult.ACCEPTED
+    flight.wait(3.0)
+    assert requests_since(flight, before) == ["LoadMission", "LoadMission"]
+    assert flight.mission.digest not in ("", digest)
+    assert not flight.last("motion/geofence").areas, "the mission that was sent last has no fence either"
+
+
+def test_a_mission_that_cannot_be_cleared_keeps_its_fence(flight: Card) -> None:
+    tool = begun(flight)
+    digest = fenced(tool)
+    assert Tool(flight, system=249).command(REQUEST_CONTROL, 1.0) is CommandResult.FAILED, "the holder is asked"
+    before = len(flight.received["ci/request"])
+    tool.send("COMMAND_LONG", command=REQUEST_CONTROL, param1=1.0, param2=1.0)
+    cleared = tool.missions.clear(COMPANION, now_s=tool.now_s)
+    assert tool.wait_for(cleared) is PlanResult.DENIED, "control was granted in the same moment"
+    flight.wait(1.0)
+    assert requests_since(flight, before) == ["Steer"], "the mission is not loaded again without its fence"
+    assert flight.mission.digest == digest
+    assert flight.last("motion/geofence").areas
+    fence = tool.missions.download(COMPANION, kind=PlanType.FENCE, now_s=tool.now_s)
+    assert tool.wait_for(fence) is PlanResult.ACCEPTED
+    assert [one.command for one in fence.items] == [5003], "as stations are told"
+
+
 def test_a_plan_that_cannot_be_flown_is_refused_by_what_is_wrong_and_the_one_before_stays(flight: Card) -> None:
     tool = begun(flight)
     before = flight.mission.digest

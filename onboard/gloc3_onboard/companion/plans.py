@@ -86,6 +86,8 @@ class PlanServer:
             admits=self._admits,
             dialect=MissionDialect(tells_current=False, tells_ids=True),
         )
+        self._waiting: dict[PlanType, PlanOffered] = {}
+        """Plans whose turn has not come: mission and fence are loaded together, so one is decided after the other."""
         self._deciding: dict[PlanType, _Deciding] = {}
         self._fence: tuple[FenceArea, ...] = ()
         self._seen: str | None = ""
@@ -100,7 +102,8 @@ class PlanServer:
         for event in self.server.events():
             match event:
                 case PlanOffered():
-                    self._decide(event, now_s)
+                    self._waiting.pop(event.kind, None)
+                    self._waiting[event.kind] = event
                 case SetCurrentRequested(sender=sender):
                     self._report(f"station {sender.system}: a mission cannot start at an item; skip tasks instead")
         for deciding in list(self._deciding.values()):
@@ -108,6 +111,10 @@ class PlanServer:
                 self._conclude(deciding, PlanResult.ACCEPTED)  # loaded; its fence may be on its way to the autopilot
             elif now_s >= deciding.until_s:
                 self._refuse(deciding, PlanResult.ERROR, "it is not known yet whether the mission was loaded")
+        while self._waiting and not self._deciding:
+            offered = self._waiting.pop(next(iter(self._waiting)))
+            if self.server.is_pending(offered):
+                self._decide(offered, now_s)
         if not self._deciding:
             self._follow()
         state = self._requesting.mission.state
@@ -230,6 +237,10 @@ class PlanServer:
         self.refused += 1
         offered = deciding.offered
         self._report(f"{offered.kind.name.lower()} of station {offered.sender.system} refused: {reason}")
+        fence = self._waiting.get(PlanType.FENCE)
+        if offered.kind is PlanType.MISSION and not offered.items and fence is not None and not fence.items:
+            del self._waiting[PlanType.FENCE]  # a mission that cannot be cleared keeps its fence
+            self.server.conclude(fence, result, self._requesting.now_s())
         self._conclude(deciding, result)
 
     # --- the mission that somebody else has loaded ---

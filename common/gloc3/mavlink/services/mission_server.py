@@ -140,12 +140,17 @@ class MissionServer(Microservice[PlanReceived | PlanOffered | SetCurrentRequeste
         """Replaces a plan from this side."""
         self.plans[kind] = items
 
+    def is_pending(self, offered: PlanOffered) -> bool:
+        """Whether an offered upload is undecided, and its sender has neither restarted nor cancelled it."""
+        pending = self._pending.get(offered.kind)
+        return pending is not None and pending.offered is offered
+
     def conclude(self, offered: PlanOffered, result: PlanResult, now_s: float) -> None:
         """Ends an offered upload; without effect where its sender has restarted or cancelled it meanwhile."""
-        kind, pending = offered.kind, self._pending.get(offered.kind)
-        if pending is None or pending.offered is not offered:
+        if not self.is_pending(offered):
             return
-        del self._pending[kind]
+        kind = offered.kind
+        pending = self._pending.pop(kind)
         self._end(pending.offered, pending.answer, pending.last, result, now_s)
 
     def current_message(self) -> MavlinkMessage:

@@ -270,7 +270,7 @@ class ReliableSender:
         """Handles an acknowledgement; returns the messages now done, and the round trip if it can be measured."""
         highest = unwrap(ack.highest, max(self._highest, 0))
         if highest >= self._next_serial:
-            return [], None
+            self._go_on_after(highest, ack)
         self._received_s = now_s
         self._probes = 0
         round_trip_s = None
@@ -294,6 +294,13 @@ class ReliableSender:
         self._declare_losses(now_s)
         self._find_work()
         return done, round_trip_s
+
+    def _go_on_after(self, highest: int, ack: Ack) -> None:
+        """Continues the serials that the peer remembers of an earlier sender of this process, which dropped the peer."""
+        self._next_serial, self._highest, self._received = highest + 1, highest, ack.received
+        self._times_s.clear()
+        for transfer in (transfer for lane in self._lanes.values() for transfer in lane):
+            transfer.serials = [highest if serial >= 0 else serial for serial in transfer.serials]
 
     def _advance(self, highest: int, ack: Ack, now_s: float) -> float | None:
         sent = highest - self._highest

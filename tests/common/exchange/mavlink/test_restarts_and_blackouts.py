@@ -9,6 +9,7 @@ from tests.common.exchange.mavlink.ends import RADIO_CONDITIONS, Platform, Stati
 
 from gloc3.clock import run_virtual
 from gloc3.exchange.tunnel.events import PeerChanged
+from gloc3.exchange.tunnel.peers import DROP_AFTER_S
 from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_TIMEOUT_S
 from gloc3.mavlink.message import Address
 from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMission, Steer, Verb
@@ -124,6 +125,33 @@ def test_a_station_that_restarts_in_the_middle_of_an_upload_can_upload_again() -
     assert 0 in successor.replies
     restarted = [happening for happening in platform.events if isinstance(happening, PeerChanged)]
     assert [happening.is_restarted for happening in restarted] == [False, True]
+
+
+@pytest.mark.parametrize("silent", ["station", "platform"])
+def test_after_a_long_silence_of_one_end_alone_requests_and_replies_go_on_at_once(silent: str) -> None:
+    async def fly() -> tuple[Station, Platform]:
+        station, platform, link = pair_on(8, CLEAN)
+        await asyncio.sleep(3.0)
+        for _ in range(100):
+            station.request(PAUSE)
+            await asyncio.sleep(0.5)
+        await asyncio.sleep(2.0)
+        (link.a if silent == "station" else link.b).conditions = CUT
+        await asyncio.sleep(DROP_AFTER_S + 10.0)
+        assert [len(end.endpoint.peers()) for end in (station, platform)].count(0) == 1, "one end has dropped the other"
+        link.set_conditions(CLEAN)
+        await asyncio.sleep(5.0)
+        station.replies.clear()
+        for _ in range(40):
+            station.request(PAUSE)
+            await asyncio.sleep(1.0)
+        return station, platform
+
+    station, platform = run_virtual(fly())
+    assert list(station.replies) == list(range(100, 140))
+    assert platform.sequences() == list(range(140))
+    assert not platform.undelivered()
+    assert not station.undelivered()
 
 
 def test_two_processes_at_one_address_are_shown_as_a_clash() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Final
 
@@ -34,7 +33,8 @@ class Peer:
         self.name = hello.name
         self.is_alive = True
         self.received_s = now_s
-        self.former_boots: deque[int] = deque(maxlen=LIVES_REMEMBERED)
+        self.former: dict[int, ReliableReceiver] = {}
+        """Receivers of former lives, by boot: one that returns has nothing handed over twice."""
         self.since_s = now_s
         """When the first frame of this life was received."""
         self._begin(boot, first_number)
@@ -57,10 +57,16 @@ class Peer:
         self._requested_s = -REQUEST_SPACING_S
 
     def restart(self, boot: int, first_number: int, now_s: float) -> None:
-        """Forgets everything about the process that was there."""
-        self.former_boots.append(self.boot)
+        """Begins another life, new or returned, and forgets all of the present one but what it has handed over."""
+        returned = self.former.pop(boot, None)
+        for receiver in self.former.values():
+            receiver.drop_incomplete()
+        self.former[self.boot] = self.receiver
+        if len(self.former) > LIVES_REMEMBERED:
+            del self.former[next(iter(self.former))]
         self.since_s = now_s
         self._begin(boot, first_number)
+        self.receiver = returned or self.receiver
 
     def send_hello(self, hello: TunnelHello, own: Address, now_s: float) -> float | None:
         """Handles a hello; returns the round trip if it contains an echo."""
@@ -117,7 +123,8 @@ MAKE_ROOM_AFTER_S: Final = 130.0
 """Silence after which a peer may be replaced by a new one when there are too many, s. It exceeds the time over which
 a message is repeated, so that no repeat is taken for a new message if that peer comes back."""
 GHOST_AFTER_S: Final = 3.0
-"""Frames of a former life are late until then; afterwards two processes share an address."""
+"""Frames of a former life are late until then; afterwards two processes share an address. The former one is accepted
+again when the present one has been silent for so long: it has ended."""
 MAX_PROBLEMS: Final = 256
 
 
@@ -178,12 +185,10 @@ class TunnelPeers:
             peer = self._peers[address] = Peer(address, hello, boot, self._number(), self._counters, now_s)
             self._report(PeerChanged(address, peer.name, peer.role, True))
             self._check_name(peer)
-        elif boot in peer.former_boots:
-            self._counters.other_life += 1
-            if now_s - peer.since_s > GHOST_AFTER_S:
-                self.problem(address, f"two processes use the address {address.system}/{address.component}")
-            return None
         elif boot != peer.boot:
+            if boot in peer.former and not self._has_fallen_silent(peer, now_s):
+                self._counters.other_life += 1
+                return None
             self._restart(peer, boot, now_s)
         round_trip_s = peer.send_hello(hello, self._own, now_s)
         if round_trip_s is not None:
@@ -233,6 +238,13 @@ class TunnelPeers:
         if key not in self._problems and len(self._problems) < MAX_PROBLEMS:
             self._problems.add(key)
             self._report(TunnelTrouble(address, text))
+
+    def _has_fallen_silent(self, peer: Peer, now_s: float) -> bool:
+        """Whether a peer's present life has ended, when a former one greets; two that live are reported."""
+        address = peer.address
+        if now_s - peer.since_s > GHOST_AFTER_S:
+            self.problem(address, f"two processes use the address {address.system}/{address.component}")
+        return now_s - peer.received_s > GHOST_AFTER_S
 
     def _restart(self, peer: Peer, boot: int, now_s: float) -> None:
         """Handles a new process at a peer's address: messages that the old one cannot have received are sent to it."""

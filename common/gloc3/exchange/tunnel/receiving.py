@@ -138,6 +138,12 @@ class ReliableReceiver:
         inbox.reason = reason or "no reason was given"
         self._refusals.append((lane, inbox.expected))
 
+    def drop_incomplete(self) -> None:
+        """Frees the memory of everything that has not been handed over."""
+        for inbox in self._lanes.values():
+            for number in list(inbox.messages):
+                self._drop(inbox, number)
+
     def _skip(self, inbox: _Inbox, base: int) -> None:
         """What is older than `base` will not come any more."""
         if inbox.expected is None or base <= inbox.expected:

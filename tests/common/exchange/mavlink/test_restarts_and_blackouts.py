@@ -171,6 +171,51 @@ def test_two_processes_at_one_address_are_shown_as_a_clash() -> None:
     assert run_virtual(fly()).problems() == ["two processes use the address 255/190"]
 
 
+def test_a_second_program_that_has_ended_keeps_the_station_away_for_seconds_only() -> None:
+    async def fly() -> tuple[Station, Platform, float]:
+        station, platform, link = pair_on(9, CLEAN)
+        await asyncio.sleep(5.0)
+        station.request(UPLOAD)
+        link.b.conditions = CUT  # no acknowledgement gets out
+        station.request(PAUSE)
+        await asyncio.sleep(1.0)
+        link.b.conditions = CLEAN
+        second = Station(77, link.a)
+        await asyncio.sleep(0.2)
+        second.close()
+        link.a.on_data = station.take
+        ended_s = station.loop.time()
+        station.request(Emergency(verb=EmergencyVerb.HOLD))
+        await asyncio.sleep(30.0)
+        return station, platform, ended_s
+
+    station, platform, ended_s = run_virtual(fly())
+    handed_over = {type(request.body): at_s for at_s, request in platform.given}
+    assert len(platform.given) == len(handed_over) == 3, "each once, also what had been handed over before"
+    assert 0.0 < handed_over[Emergency] - ended_s < EMERGENCY_PATIENCE_S, "while the emergency still waits"
+    assert sorted(station.acknowledged()) == [0, 1, 2]
+    assert not station.undelivered()
+    assert platform.problems() == ["two processes use the address 255/190"]
+
+
+def test_of_two_programs_at_one_address_the_first_is_not_accepted_while_the_second_lives() -> None:
+    async def fly() -> Platform:
+        first, platform, link = pair_on(10)
+        await asyncio.sleep(5.0)
+        second = Station(77, link.a)
+
+        def handle(data: bytes) -> None:
+            first.take(data)
+            second.take(data)
+
+        link.a.on_data = handle
+        await asyncio.sleep(60.0)
+        return platform
+
+    changed = [happening for happening in run_virtual(fly()).events if isinstance(happening, PeerChanged)]
+    assert [happening.is_restarted for happening in changed] == [False, True]
+
+
 def test_two_stations_of_one_name_are_shown_as_a_clash() -> None:
     async def fly() -> Platform:
         _, platform, link = pair_on(7, CLEAN)

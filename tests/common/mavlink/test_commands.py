@@ -15,7 +15,7 @@ from gloc3.mavlink.transport.memory import Conditions
 
 from .pair import STATION, VEHICLE, Pair
 
-ARM, TAKE_OFF, REPOSITION = 400, 22, 192
+ARM, TAKE_OFF, REPOSITION, LAND, START, REQUEST_MESSAGE = 400, 22, 192, 21, 300, 512
 
 
 class Vehicle:
@@ -156,6 +156,57 @@ def test_the_same_command_given_again_later_runs_again() -> None:
     assert len(vehicle.ran) == 2
 
 
+class Line:
+    """A server that accepts all, and messages to it at times of one's choice."""
+
+    def __init__(self) -> None:
+        self.server = MavCommandServer(VEHICLE)
+        self.ran: list[tuple[float, int]] = []
+
+    def send(self, at_s: float, command: int, confirmation: int = 0, sender: Address = STATION) -> None:
+        """Sends a COMMAND_LONG; it is answered with ACCEPTED in any case."""
+        fields = {"target_system": 1, "target_component": 1, "command": command, "confirmation": confirmation}
+        self.server.receive(message("COMMAND_LONG", **fields), sender, at_s)
+        for request in self.server.events():
+            self.ran.append((at_s, request.command))
+            self.server.answer(request, CommandResult.ACCEPTED, now_s=at_s)
+        assert [ack.result for ack in self.server.outgoing()] == [CommandResult.ACCEPTED]
+
+
+def test_a_command_given_again_runs_again_although_its_first_frame_is_lost() -> None:
+    line = Line()
+    line.send(0.0, LAND)
+    line.send(5.5, LAND, confirmation=1)
+    line.send(6.0, START)
+    line.send(8.5, LAND, confirmation=1)
+    assert line.ran == [(0.0, LAND), (5.5, LAND), (6.0, START), (8.5, LAND)]
+    line = Line()
+    line.send(0.0, LAND)
+    line.send(2.0, LAND, confirmation=1)
+    line.send(3.0, LAND, confirmation=1)
+    assert line.ran == [(0.0, LAND), (3.0, LAND)], "a client never repeats with the same confirmation"
+
+
+def test_repeats_run_nothing_while_their_sender_waits_for_the_answer() -> None:
+    line = Line()
+    for confirmation in range(4):
+        line.send(3.0 * confirmation, LAND, confirmation)
+    line.send(9.1, LAND, 3)
+    line.send(9.2, LAND, 2)
+    assert line.ran == [(0.0, LAND)]
+    line = Line()
+    line.send(0.0, LAND)
+    line.send(0.3, START)
+    line.send(0.5, LAND, confirmation=1)
+    assert line.ran == [(0.0, LAND), (0.3, START)], "both are under way"
+    line = Line()
+    line.send(0.0, LAND)
+    line.send(0.5, START, sender=Address(254, 190))
+    line.send(1.0, REQUEST_MESSAGE)
+    line.send(2.0, LAND, confirmation=1)
+    assert line.ran == [(0.0, LAND), (0.5, START), (1.0, REQUEST_MESSAGE)], "neither is a later command of its sender"
+
+
 def test_a_goto_given_again_after_another_command_is_not_taken_for_a_repeat() -> None:
     pair, client, vehicle = wired()
     goto = {"frame": 6, "position": (1, 2, 3.0)}
@@ -163,6 +214,20 @@ def test_a_goto_given_again_after_another_command_is_not_taken_for_a_repeat() ->
     finish(pair, client.send_long(VEHICLE, ARM, now_s=pair.now_s))
     finish(pair, client.send_int(VEHICLE, REPOSITION, now_s=pair.now_s, **goto))  # type: ignore[arg-type]
     assert [request.command for request in vehicle.ran] == [REPOSITION, ARM, REPOSITION]
+
+
+def test_a_repeated_goto_runs_once_although_another_station_or_a_query_has_come_between() -> None:
+    server = MavCommandServer(VEHICLE)
+    goto = message("COMMAND_INT", target_system=1, target_component=1, command=REPOSITION, x=1, y=2, z=3.0)
+    query = message("COMMAND_LONG", target_system=1, target_component=1, command=REQUEST_MESSAGE)
+    arm = message("COMMAND_LONG", target_system=1, target_component=1, command=ARM)
+    ran: list[int] = []
+    for command, sender in ((goto, STATION), (query, STATION), (arm, Address(254, 190)), (goto, STATION)):
+        server.receive(command, sender, 0.0)
+        for request in server.events():
+            ran.append(request.command)
+            server.answer(request, CommandResult.ACCEPTED, now_s=0.0)
+    assert ran == [REPOSITION, REQUEST_MESSAGE, ARM]
 
 
 def test_an_abandoned_command_is_not_sent_again_and_makes_room_for_the_next_of_its_kind() -> None:

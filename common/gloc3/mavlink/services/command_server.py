@@ -14,12 +14,16 @@ from gloc3.mavlink.service import Microservice
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.plan import units_per_degree
 
-REMEMBERED_S: Final = 30.0
-"""How long an answer is kept for a repeat with a higher confirmation, s."""
+REMEMBERED_S: Final = 5.0
+"""Time after the answer or the last repeat within which a COMMAND_LONG with a higher confirmation is a repeat, s.
+
+Our client repeats for 4 s. Later it is the same command given again, whose first frame was lost.
+"""
 REPEATED_WITHIN_S: Final = 1.5
-"""A COMMAND_INT has no confirmation: the same again within this, with no other command between, is a repeat."""
+"""The same once its sender has given another command, s; and after the answer to a COMMAND_INT, which has no confirmation
+and is never a repeat once its sender has given another command."""
 DUPLICATED_WITHIN_S: Final = 0.25
-"""Time within which the same COMMAND_LONG with the same confirmation is a duplicate from the link, s."""
+"""Time within which the same COMMAND_LONG with the same confirmation or a lower one is a duplicate from the link, s."""
 ONLY_QUERIES: Final = frozenset({510, 512, 519, 520})
 """Commands that only request a message: a repeat, however soon, means that it was not received."""
 MOST_REMEMBERED: Final = 128
@@ -56,6 +60,9 @@ class _Answered(msgspec.Struct):
     """None while it runs and has not been acknowledged."""
     is_over: bool
     t_s: float
+    """When it was answered or repeated last."""
+    confirmation: int
+    """Of the last copy."""
 
 
 class MavCommandServer(Microservice[MavCommandRequest]):
@@ -86,7 +93,6 @@ class MavCommandServer(Microservice[MavCommandRequest]):
         self._commands = commands
         self._is_autopilot = is_autopilot
         self._known: dict[tuple[Address, int], _Answered] = {}
-        self._latest: tuple[Address, int] | None = None
 
     def receive(self, message: MavlinkMessage, sender: Address, now_s: float) -> None:
         """Takes in a command: a new one becomes an event, a repeat its answer."""
@@ -103,6 +109,9 @@ class MavCommandServer(Microservice[MavCommandRequest]):
         known = self._known.get(key)
         if known is not None and self._is_repeat(known, request, now_s):
             self.repeated += 1
+            known.confirmation = request.confirmation
+            if not request.is_int:
+                known.t_s = now_s
             if known.ack is None:
                 self._acknowledge(request, CommandResult.IN_PROGRESS)
             else:
@@ -114,8 +123,7 @@ class MavCommandServer(Microservice[MavCommandRequest]):
         self._known.pop(key, None)
         if len(self._known) >= MOST_REMEMBERED:
             self._drop_finished()
-        self._known[key] = _Answered(request, None, False, now_s)
-        self._latest = key
+        self._known[key] = _Answered(request, None, False, now_s, request.confirmation)
         self._events.append(request)
 
     def answer(
@@ -154,10 +162,19 @@ class MavCommandServer(Microservice[MavCommandRequest]):
         if not known.is_over:
             return True
         if request.is_int:
-            return age_s < REPEATED_WITHIN_S and self._latest == (request.sender, request.command)
-        if request.confirmation > before.confirmation:
-            return age_s < REMEMBERED_S
-        return request.confirmation == before.confirmation and age_s < DUPLICATED_WITHIN_S
+            return age_s < REPEATED_WITHIN_S and self._is_latest(request)
+        if request.confirmation > known.confirmation:
+            return age_s < (REMEMBERED_S if self._is_latest(request) else REPEATED_WITHIN_S)
+        return age_s < DUPLICATED_WITHIN_S
+
+    def _is_latest(self, request: MavCommandRequest) -> bool:
+        """Whether its sender has given no other command since, but queries."""
+        given = (
+            command
+            for sender, command in reversed(self._known)
+            if sender == request.sender and command not in ONLY_QUERIES
+        )
+        return next(given, None) == request.command
 
     def _drop_finished(self) -> None:
         over = [key for key, known in self._known.items() if known.is_over]

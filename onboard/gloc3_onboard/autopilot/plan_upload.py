@@ -47,12 +47,13 @@ class PlanUploader:
         self._items: tuple[PlanItem, ...] = ()
         self._ticket = 0
         self._transfer: Transfer | None = None
+        self._setting: Transfer | None = None
+        """Sets the first item of a plan that has been read back."""
         self._is_reading = False
 
     def send(self, ticket: int, items: tuple[PlanItem, ...], target: Address, now_s: float) -> None:
         """Sends a plan; without items the autopilot's is cleared."""
-        if self._transfer is not None and self._transfer.result is None:
-            self._client.cancel(self._transfer, now_s)
+        self._cancel(now_s)
         self._items, self._ticket, self._is_reading = items, ticket, False
         if items:
             self._transfer = self._client.upload(target, items, now_s=now_s, kind=self._kind)
@@ -61,10 +62,16 @@ class PlanUploader:
 
     def read(self, ticket: int, items: tuple[PlanItem, ...], target: Address, now_s: float) -> None:
         """Reads the autopilot's plan and compares it with this one, without sending it."""
-        if self._transfer is not None and self._transfer.result is None:
-            self._client.cancel(self._transfer, now_s)
+        self._cancel(now_s)
         self._items, self._ticket, self._is_reading = items, ticket, True
         self._transfer = self._client.download(target, now_s=now_s, kind=self._kind)
+
+    def _cancel(self, now_s: float) -> None:
+        """Cancels the plan before, so that none of its transfers answers for this one."""
+        for transfer in (self._transfer, self._setting):
+            if transfer is not None and transfer.result is None:
+                self._client.cancel(transfer, now_s)
+        self._setting = None
 
     def received(self, transfer: Transfer, now_s: float) -> tuple[int, CommandAnswer] | None:
         """A transfer has ended: the ticket and its answer once the plan is read back, or could not be sent."""
@@ -107,7 +114,6 @@ class PlanUpload(PlanUploader):
         """Its first item, and the first one that is flown to."""
         self._passed: tuple[int, ...] = (0,)
         """How many places are passed while each item from the first is flown, and after the last one."""
-        self._setting: Transfer | None = None
         self._has_begun = False
         """What the autopilot says of its progress is of this plan: until the first item is set it is of the one before."""
 
@@ -244,7 +250,6 @@ class FileUpload(PlanUploader):
     def __init__(self, client: MissionClient) -> None:
         super().__init__(client, PlanType.MISSION, "plan")
         self.progress = FileProgress()
-        self._setting: Transfer | None = None
         self._begin = 0
         self._behind = 0
         """How much less an item's number on the wire is than in the file."""
@@ -266,7 +271,6 @@ class FileUpload(PlanUploader):
         self._behind, self._target = int(not has_home), target
         self._begin = max(int(has_home), continue_at - self._behind)
         self._has_begun = self._was_active = False
-        self._setting = None
         self.progress = FileProgress()
         if continue_at:
             self._is_checking = True

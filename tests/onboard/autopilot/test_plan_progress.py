@@ -1,5 +1,10 @@
 """Progress on an uploaded plan: what the autopilot says before the plan's first item is set is of the plan before."""
 
+from typing import Any
+
+import pytest
+
+from gloc3.mavlink.codec import message
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.mission_client import CurrentItem, ItemReached, MissionClient, Transfer, Work
 from gloc3.mavlink.services.plan import PlanResult
@@ -39,6 +44,51 @@ def test_reports_of_the_plan_before_are_no_progress_on_this_one() -> None:
     assert plan.reached == 1
     plan.follow(ItemReached(AUTOPILOT, 2))
     assert plan.reached == 2
+
+
+@pytest.mark.parametrize("kind", [PlanUpload, FileUpload])
+@pytest.mark.parametrize("comes", ["before the next plan begins", "after it has begun"])
+def test_that_the_plan_before_has_been_started_is_no_answer_for_this_one(
+    kind: type[PlanUpload | FileUpload], comes: str
+) -> None:
+    client = MissionClient(Address(1, 191))
+    plan = kind(client)
+
+    def begin(ticket: int) -> None:
+        if isinstance(plan, PlanUpload):
+            plan.begin(ticket, path=WAY, style=Style.PX4, target=AUTOPILOT, now_s=0.0)
+        else:
+            plan.begin(ticket, order=ORDER, continue_at=0, style=Style.PX4, target=AUTOPILOT, now_s=0.0)
+
+    def receive(name: str, **fields: Any) -> None:
+        client.receive(message(name, **fields), AUTOPILOT, 0.1)
+
+    def give() -> None:
+        """Receives the whole plan, and sends it back."""
+        for number in range(len(plan._items)):
+            receive("MISSION_REQUEST_INT", seq=number, target_system=1, target_component=191)
+        receive("MISSION_ACK", target_system=1, target_component=191)
+        assert answers() == []
+        receive("MISSION_COUNT", count=len(plan._items), target_system=1, target_component=191)
+        for number, item in enumerate(plan._items):
+            client.receive(item.message(number, 0, Address(1, 191)), AUTOPILOT, 0.1)
+        assert answers() == []
+
+    def answers() -> list[int]:
+        found = (plan.received(event, 0.1) for event in client.events() if isinstance(event, Transfer))
+        return [ended[0] for ended in found if ended is not None]
+
+    begin(1)
+    give()
+    if comes == "after it has begun":
+        begin(2)
+    receive("MISSION_CURRENT", seq=0)
+    if comes == "before the next plan begins":
+        begin(2)
+    assert answers() == [], "it is of the first plan"
+    give()
+    receive("MISSION_CURRENT", seq=0)
+    assert answers() == [2]
 
 
 ORDER = FlyFileOrder(

@@ -115,6 +115,8 @@ class ZenohExchange:
         self._arrivals = Arrivals(loop)
         self._sequences: dict[tuple[str, Source], int] = {}
         """Last sequence number of each topic and source, for counting losses."""
+        self._left: set[str] = set()
+        """Latched topics that no connected node holds: their next message comes from another life, or is known already."""
         sender = SendQueue("zenoh huge", HUGE_DEPTH, self._fail)
         near = NearServer(loop) if is_sharing else None
         self._means = Means(node.session, loop, self._arrivals, topics.types, near, sender)
@@ -374,7 +376,8 @@ class ZenohExchange:
             self._large.set_alive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
     def _receive_message(self, subscription: _Subscription, sample: Any) -> None:
-        if isinstance(sample, zenoh.Reply):
+        is_answer = isinstance(sample, zenoh.Reply)
+        if is_answer:
             if sample.ok is None:
                 return
             sample = sample.ok
@@ -389,10 +392,11 @@ class ZenohExchange:
                 self._count("too_long", topic, f"{len(sample.payload):,} bytes are more than its {longest:,}")
                 return
             head = sample.attachment
-            self._receive_bytes(topic, None if head is None else head.to_bytes(), sample.payload.to_bytes())
+            head_bytes = None if head is None else head.to_bytes()
+            self._receive_bytes(topic, head_bytes, sample.payload.to_bytes(), is_answer=is_answer)
 
-    def _receive_bytes(self, topic: str, head: bytes | None, body: bytes) -> None:
-        """Handles a message of a subscribed topic."""
+    def _receive_bytes(self, topic: str, head: bytes | None, body: bytes, *, is_answer: bool = False) -> None:
+        """Handles a message of a subscribed topic, published now or the answer to a request for the last one."""
         types = self._topics.types
         try:
             envelope = types.decode(body) if head is None else types.decode(head, body)
@@ -404,8 +408,9 @@ class ZenohExchange:
             return
         row = self._topics.row(topic)
         if row is not None and row.is_latched:
-            last = self.here.last(topic)
-            if last is not None and not _is_newer(envelope, last):
+            last, by_time = self.here.last(topic), is_answer and topic not in self._left
+            self._left.discard(topic)
+            if last is not None and not _is_newer(envelope, last, by_time=by_time):
                 return
         elif len(body) >= LARGE and envelope.sequence <= self._sequences.get((topic, envelope.source), -1):
             return  # while a topic begins its large messages come in two ways
@@ -421,9 +426,11 @@ class ZenohExchange:
             self._count("lost", envelope.topic, "messages are missing", envelope.sequence - before - 1)
 
     def _request_last(self, subscription: _Subscription, sample: zenoh.Sample) -> None:
-        """Requests the last message of a latched topic from a node that holds one from before the connection."""
-        if sample.kind == zenoh.SampleKind.PUT and self._is_open:
-            topic = str(sample.key_expr).replace(f"/{LATCHED}/", "/", 1)
+        """Requests the last message of a latched topic from the nodes that hold one, when one of them comes or goes."""
+        topic = str(sample.key_expr).replace(f"/{LATCHED}/", "/", 1)
+        if sample.kind == zenoh.SampleKind.DELETE and self.here.last(topic) is not None:
+            self._left.add(topic)
+        if self._is_open:
             self._node.session.get(
                 topic,
                 self._arrivals.receiver(subscription.inbound),
@@ -461,11 +468,14 @@ class ZenohExchange:
             self.troubled("lost", first + (f"; and of {counted(len(others), 'other topic')}" if others else ""))
 
 
-def _is_newer(one: Envelope[Any], other: Envelope[Any]) -> bool:
-    """Whether a message is newer: within one life of its source by its number, else by its time."""
+def _is_newer(one: Envelope[Any], other: Envelope[Any], *, by_time: bool) -> bool:
+    """Whether a message is newer: within one life of its source by its number, else by its time or in any case.
+
+    The time begins again when the computer that keeps it is started again.
+    """
     if one.source == other.source:
         return one.sequence > other.sequence
-    return one.t_s > other.t_s
+    return not by_time or one.t_s > other.t_s
 
 
 class _Subscription:

@@ -58,6 +58,45 @@ async def test_nodes_that_meet_late_get_the_last_message_of_what_is_once(tmp_pat
         assert (tables, seen) == ([2, 3], [3])
 
 
+@pytest.mark.parametrize("is_before", [True, False], ids=["before the connection", "after it"])
+async def test_what_a_vehicle_tells_once_is_replaced_after_its_computer_has_been_started_again(
+    is_before: bool, tmp_path: Path
+) -> None:
+    with node(tmp_path, "other") as station:
+        tables: list[int] = []
+        here: list[bool] = []
+        station.subscribe(f"{PLATFORM}/ci/*", lambda e: tables.append(e.payload.table))
+        station.watch("one/here", lambda _, is_alive: here.append(is_alive))
+        for life, t_s in ((10, 3600.0), (20, 5.0)):
+            with node(tmp_path, "one") as vehicle:
+                publisher = Publisher(vehicle, PLATFORM, "ci", life)
+                if is_before:
+                    publisher.publish(TABLE, ComponentTable(table=life, rows=[]), t_s)
+                with node(tmp_path, "main"):
+                    vehicle.declare_alive("one/here")
+                    await until(lambda: here[-1:] == [True])
+                    if not is_before:
+                        publisher.publish(TABLE, ComponentTable(table=life, rows=[]), t_s)
+                    await until(lambda life=life: tables[-1:] == [life])  # type: ignore[misc]
+                    publisher.publish(TABLE, ComponentTable(table=life + 1, rows=[]), t_s + 1.0)
+                    await until(lambda life=life: tables[-1:] == [life + 1])  # type: ignore[misc]
+            await until(lambda: here[-1:] == [False])
+        assert tables == [10, 11, 20, 21]
+
+
+async def test_of_two_nodes_that_hold_one_the_newer_message_stays_after_a_break(tmp_path: Path) -> None:
+    with node(tmp_path, "other") as station, node(tmp_path, "one") as newer, node(tmp_path, "one") as older:
+        tables: list[int] = []
+        station.subscribe(TABLE, lambda e: tables.append(e.payload.table))
+        for source, boot, t_s in ((older, 1, 5.0), (newer, 2, 9.0)):
+            Publisher(source, PLATFORM, "ci", boot).publish(TABLE, ComponentTable(table=boot, rows=[]), t_s)
+        for _ in range(3):
+            with node(tmp_path, "main"):
+                await until(lambda: tables[-1:] == [2])
+                await asyncio.sleep(0.3)
+                assert tables[-1] == 2
+
+
 async def test_a_picture_arrives_as_it_was_and_what_is_lost_of_many_is_counted(tmp_path: Path) -> None:
     async with zenoh(tmp_path) as ends:
         publisher = Publisher(ends.platform, PLATFORM, "camera", 7)

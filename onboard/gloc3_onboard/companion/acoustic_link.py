@@ -91,9 +91,10 @@ class AcousticLink:
             undo()
 
     def receive(self, data: bytes) -> None:
-        """Takes a frame from the modem; an order that has come already is answered again, and not carried out.
+        """Takes a frame from the modem; an order that has been answered is answered again, and not carried out.
 
-        One that is older than the last, or too old altogether, is refused, so that its sender learns of a clock that has
+        One without an answer is requested again, since the command interface may have been away; its journal knows what
+        it has carried out. One that is older than the last, or too old altogether, is refused, so that its sender learns of a clock that has
         been set back.
         """
         order = self.code.decode(data)
@@ -104,14 +105,14 @@ class AcousticLink:
             self._send(self.code.encode(Receipt(order.number, self._outcomes[sequence])))
         elif self._is_too_old(order):
             self._send(self.code.encode(Receipt(order.number, False)))
-        elif order.number >= self._newest // _KINDS and sequence != self._newest:
+        elif order.number >= self._newest // _KINDS:
             self._newest = sequence
             body = Emergency(verb=_VERBS[order.verb], author="an operator, by acoustic modem")
             request = CiRequest(
                 sender=SENDER, boot=_LIFE, sequence=sequence, body=body, way=SENDER, member=self._member
             )
             self._publisher.publish(f"{self._platform}/ci/request", request, self._loop.time())
-        elif sequence != self._newest:
+        else:
             self._send(self.code.encode(Receipt(order.number, False)))
 
     def _is_too_old(self, order: AcousticOrder) -> bool:

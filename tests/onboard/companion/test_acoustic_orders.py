@@ -9,7 +9,7 @@ import pytest
 from gloc3.clock import VIRTUAL_EPOCH_S, VirtualLoop
 from gloc3.exchange.acoustic import AcousticCode, AcousticOrder, AcousticVerb, Receipt
 from gloc3.exchange.base import LocalExchange, Publisher
-from gloc3.messages.command_interface import CiReply, CiRequest, Emergency, EmergencyVerb, Outcome
+from gloc3.messages.command_interface import CiRequest, Emergency, EmergencyVerb, Outcome
 from gloc3.messages.envelope import Envelope
 from gloc3.store import MemoryRecords
 from gloc3_groundstation.links.acoustic_route import AcousticRoute, ModemContext
@@ -34,10 +34,16 @@ class Auv:
     def __init__(self, loop: VirtualLoop, records: MemoryRecords) -> None:
         self.done: list[EmergencyVerb] = []
         self.receipts: list[Receipt] = []
-        exchange, self._journal = LocalExchange(), Journal(records)
-        self._replies = Publisher(exchange, "auv", "command_server", 1)
-        self.link = AcousticLink("auv", exchange, loop, next(_boots), self._received, ModemSettings(KEY, "alice"))
-        exchange.subscribe("auv/ci/request", self._requested)
+        self._exchange, self._journal = LocalExchange(), Journal(records)
+        self._replies = Publisher(self._exchange, "auv", "command_server", 1)
+        self.link = AcousticLink("auv", self._exchange, loop, next(_boots), self._received, ModemSettings(KEY, "alice"))
+        self.is_slow = False
+        """Whether it answers only when the order comes again."""
+        self.listen()
+
+    def listen(self) -> None:
+        """Begins to handle requests."""
+        self.leave = self._exchange.subscribe("auv/ci/request", self._requested)
 
     def order(self, number: int, verb: AcousticVerb) -> Receipt | None:
         """Says an order to it; its receipt."""
@@ -56,12 +62,12 @@ class Auv:
         assert isinstance(request.body, Emergency)
         assert request.member == "alice"
         known = self._journal.begin(request)
-        reply = known.reply
         if known.is_new:
             self.done.append(request.body.verb)
-            reply = answer(request, Outcome.ACCEPTED)
-            self._journal.end(reply)
-        assert isinstance(reply, CiReply)
+            if self.is_slow:
+                return
+        reply = known.reply or answer(request, Outcome.ACCEPTED)
+        self._journal.end(reply)
         self._replies.publish("auv/ci/reply", reply, 0.0)
 
 
@@ -77,6 +83,28 @@ def test_an_order_is_carried_out_once_also_where_it_is_played_again_to_the_next_
     assert later.done == []
     assert later.order(NOW + 1, AcousticVerb.SURFACE) == Receipt(NOW + 1, True)
     assert later.done == [EmergencyVerb.LAND]
+
+
+def test_an_order_that_comes_while_the_command_interface_is_away_is_carried_out_when_it_is_repeated(
+    loop: VirtualLoop,
+) -> None:
+    auv = Auv(loop, MemoryRecords())
+    auv.leave()
+    assert auv.order(NOW, AcousticVerb.HOLD) is None
+    assert auv.order(NOW + 1, AcousticVerb.SURFACE) is None
+    auv.listen()
+    assert auv.order(NOW, AcousticVerb.HOLD) == Receipt(NOW, False), "a newer one has come since"
+    assert auv.order(NOW + 1, AcousticVerb.SURFACE) == Receipt(NOW + 1, True)
+    assert auv.order(NOW + 1, AcousticVerb.SURFACE) == Receipt(NOW + 1, True)
+    assert auv.done == [EmergencyVerb.LAND]
+
+
+def test_an_order_that_is_repeated_while_it_is_carried_out_is_carried_out_once(loop: VirtualLoop) -> None:
+    auv = Auv(loop, MemoryRecords())
+    auv.is_slow = True
+    assert auv.order(NOW, AcousticVerb.SURFACE) is None
+    assert auv.order(NOW, AcousticVerb.SURFACE) == Receipt(NOW, True)
+    assert auv.done == [EmergencyVerb.LAND]
 
 
 def test_two_stations_that_order_in_one_second_are_both_heard(loop: VirtualLoop) -> None:

@@ -274,6 +274,23 @@ def test_a_repeated_question_is_answered_again_and_not_done_again(folder: Path) 
     assert FtpError.read(refused.data) is FtpError.FILE_NOT_FOUND
 
 
+def test_a_program_that_is_started_again_gets_answers_of_its_own(folder: Path) -> None:
+    server = FtpServer(VEHICLE, FolderFiles(folder))
+    check: dict[str, Any] = {"operation": Operation.CALCULATE_CRC32, "sequence": 2, "size": 5, "data": b"empty"}
+    for start_s, content in ((0.0, b"one"), (10.0, b"two")):
+        (folder / "empty").write_bytes(content)
+        for now_s in (start_s, start_s + 4.9):
+            (answer,) = request(server, now_s=now_s, **check)
+            assert struct.unpack("<I", answer.data) == (checksum([content]),)
+    remove = check | {"operation": Operation.REMOVE_FILE}
+    for start_s in (20.0, 30.0):
+        (folder / "empty").write_bytes(b"")
+        for now_s in (start_s, start_s + 4.9):
+            (answer,) = request(server, now_s=now_s, **remove)
+            assert answer.operation == Operation.ACKNOWLEDGED
+        assert not (folder / "empty").exists()
+
+
 def test_a_download_that_broke_off_goes_on_at_any_place(folder: Path) -> None:
     server = FtpServer(VEHICLE, FolderFiles(folder))
     path = b"logs/flight.mcap"

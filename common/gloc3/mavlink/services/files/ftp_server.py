@@ -23,6 +23,9 @@ MOST_SESSIONS: Final = 8
 IDLE_S: Final = 60.0
 """Idle time after which a session may be closed for another, s."""
 MOST_CLIENTS: Final = 16
+REPEATED_WITHIN_S: Final = 5.0
+"""Time after an answer within which the same request is a repeat, s: as long as our client repeats it. Later it is one of
+a program that has been started again, whose sequence begins again too."""
 BURST_PACKETS: Final = 100
 """Packets after which a burst ends, and the client requests the next."""
 PACKETS_PER_S: Final = 400.0
@@ -120,7 +123,8 @@ class FtpServer(Microservice[Never]):
         self._sessions: dict[int, _Session] = {}
         self._bursts: dict[int, _Burst] = {}
         self._checks: dict[Address, _Check] = {}
-        self._answered: dict[Address, tuple[Payload, Payload]] = {}
+        self._answered: dict[Address, tuple[Payload, Payload, float]] = {}
+        """Last request of each client, its answer, and when it was given."""
         self._answers: dict[int, Callable[[Payload, Address, float], Payload | None]] = {
             Operation.NONE: lambda request, _sender, _now_s: _acknowledge(request),
             Operation.TERMINATE_SESSION: self._terminate,
@@ -153,7 +157,7 @@ class FtpServer(Microservice[Never]):
         if request is None or request.operation >= Operation.ACKNOWLEDGED:
             return
         before = self._answered.get(sender)
-        if before is not None and before[0] == request:
+        if before is not None and before[0] == request and now_s < before[2] + REPEATED_WITHIN_S:
             self._reply(sender, before[1])
             return
         work = self._answers.get(request.operation)
@@ -169,14 +173,14 @@ class FtpServer(Microservice[Never]):
         except ValueError:  # a path that is no text, or holds what no path can
             answer = _refuse(request, FtpError.FILE_NOT_FOUND)
         if answer is not None:
-            self._answer(request, sender, answer)
+            self._answer(request, sender, answer, now_s)
 
-    def _answer(self, request: Payload, sender: Address, answer: Payload) -> None:
+    def _answer(self, request: Payload, sender: Address, answer: Payload, now_s: float) -> None:
         """Answers, and remembers the answer for a repeated request."""
         self._answered.pop(sender, None)
         if len(self._answered) >= MOST_CLIENTS:
             del self._answered[next(iter(self._answered))]
-        self._answered[sender] = (request, answer)
+        self._answered[sender] = (request, answer, now_s)
         self._reply(sender, answer)
 
     def tick(self, now_s: float) -> None:
@@ -188,7 +192,7 @@ class FtpServer(Microservice[Never]):
         for check in [check for check in self._checks.values() if now_s >= check.next_s]:
             answer = self._go_on(check, now_s)
             if answer is not None:
-                self._answer(check.request, check.sender, answer)
+                self._answer(check.request, check.sender, answer, now_s)
 
     def next_tick_s(self) -> float | None:
         """When the next packet, or piece of a checksum, is due."""

@@ -40,10 +40,10 @@ _MAINTAIN: Final = (
     "SETUP_SIGNING",
 )
 _COMMANDS: Final = ("COMMAND_INT", "COMMAND_LONG")
-_READ_COMMANDS: Final = frozenset({510, 511, 512, 519, 520, 521, 525, 526, 527})
+_READ_COMMANDS: Final = frozenset({510, 511, 512, 519, 520, 521, 522, 525, 527, 2504})
 """Message intervals, single messages, and what a component is capable of."""
-_MAINTAIN_COMMANDS: Final = frozenset({241, 242, 243, 245, 246, 42424, 42425, 42426})
-"""Calibration, storage, and restarts."""
+_MAINTAIN_COMMANDS: Final = frozenset({241, 242, 243, 245, 246, 526, 42424, 42425, 42426})
+"""Calibration, stored settings and storage media, and restarts."""
 
 
 class FrameUse(StrEnum):

@@ -13,6 +13,7 @@ from gloc3.network.rights import Rights
 from gloc3_onboard.companion.link_rights import LinkRights
 
 ARM, CALIBRATE, TERMINATE, MESSAGE, CONTROL_FENCE = 400, 241, 185, 512, 207
+CAMERA_SETTINGS, VIDEO_STREAM, FORMAT = 522, 2504, 526
 MODES = FILE.replace("[terminate]", "[]")
 
 
@@ -24,6 +25,9 @@ def frame(name: str, **fields: Any) -> Frame:
 FRAMES: dict[str, Frame] = {
     "read a parameter": frame("PARAM_REQUEST_READ"),
     "request a message": frame("COMMAND_LONG", command=MESSAGE),
+    "request a camera's settings": frame("COMMAND_LONG", command=CAMERA_SETTINGS),
+    "request a stream's address": frame("COMMAND_LONG", command=VIDEO_STREAM),
+    "format a card": frame("COMMAND_LONG", command=FORMAT),
     "set a parameter": frame("PARAM_SET"),
     "calibrate": frame("COMMAND_LONG", command=CALIBRATE),
     "write a file": frame("FILE_TRANSFER_PROTOCOL"),
@@ -35,8 +39,8 @@ FRAMES: dict[str, Frame] = {
     "a mission": frame("MISSION_COUNT"),
     "heartbeat": frame("HEARTBEAT"),
 }
-READING = {"read a parameter", "request a message"}
-MAINTAINING = {"set a parameter", "calibrate", "write a file"}
+READING = {"read a parameter", "request a message", "request a camera's settings", "request a stream's address"}
+MAINTAINING = {"set a parameter", "calibrate", "write a file", "format a card"}
 FLYING = FRAMES.keys() - READING - MAINTAINING
 
 

@@ -12,7 +12,7 @@ from gloc3.mavlink.services.plan import PlanType
 from gloc3.mission.formats.items import ForeignPlan
 from gloc3_groundstation.desk.service_jobs import JobStarter, ServiceKind
 from gloc3_groundstation.services.plan_items import PlanDifference
-from gloc3_groundstation.services.plans import PlanService, VehiclePlan
+from gloc3_groundstation.services.plans import KINDS, PlanService, VehiclePlan
 from gloc3_groundstation.services.progress import OnProgress
 
 RallyPoint: TypeAlias = tuple[float, float, float]
@@ -113,7 +113,7 @@ class PlanDesk:
 
         async def work(report: OnProgress) -> str:
             self.found, self.rally, self.differences = None, None, None
-            if await self._service.upload(ForeignPlan(entries=(), raw={}), report):
+            if await self._service.upload(ForeignPlan(entries=(), raw={}), report, KINDS):
                 raise Refused("the plan was not cleared: some items are left")
             return "mission, fence and rally points are cleared"
 

@@ -13,6 +13,7 @@ from textual.widgets import Input, Static
 from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.transport.memory import Conditions
 from gloc3.messages.command_interface import StationRole
+from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.desk.service_jobs import ServiceKind
 from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion
 from gloc3_groundstation.tui.widgets.entry import TextEntry
@@ -163,6 +164,23 @@ async def test_a_file_is_compared_first_and_only_what_is_not_left_out_is_written
         await enter(here, "all.params")
         await here.until("job", "36 parameters are in")
         assert (tmp_path / "all.params").read_text().count("MPC_XY_VEL_MAX\t8") == 1
+
+
+async def test_clearing_the_plan_leaves_no_mission_no_fence_and_no_rally_points() -> None:
+    async with services_scene() as here:
+        entry = PlanEntry(items=(MavItem(command=16, frame=3, x=47.0, y=8.0, z=10.0),))
+        area = FenceArea(is_inclusion=True, center=(47.0, 8.0), radius_m=50.0)
+        plan = ForeignPlan(entries=(entry,), fence=(area,), rally=((47.0, 8.0, 30.0),))
+        await here.services.vehicle(NAME).services.plans.upload(plan)
+        await here.tab("Plans")
+        await here.press("f")
+        await here.until("job", "✓ on the vehicle: 1 item, 1 fence area, 1 rally point")
+        await here.press("delete")
+        await dialogue(here, YesNoQuestion)
+        await here.press("y")
+        await here.until("job", "✓ mission, fence and rally points are cleared")
+        await here.press("f")
+        await here.until("job", "✓ on the vehicle: 0 items, 0 fence areas, 0 rally points")
 
 
 async def test_a_log_is_downloaded_cancelled_and_taken_up_again_while_another_service_is_looked_at(

@@ -12,7 +12,7 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import Verb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import WELL, MissionSummary
-from gloc3.mission.model.states import ENDED, ENDED_BY_FAILSAFE, ActionState
+from gloc3.mission.model.states import ENDED, ENDED_BY_FAILSAFE, RESTART, ActionState
 from gloc3_groundstation.missions.first_waypoint import far_away
 from gloc3_groundstation.missions.plans import CheckedPlan, recheck
 from gloc3_groundstation.station.command_client import Declined
@@ -29,7 +29,7 @@ POLL_PERIOD_S: Final = 0.5
 SETTLES_PERIOD_S: Final = 2.0
 """A start that is refused for checks that may settle is requested again after this time."""
 LANDED_S: Final = 5.0
-"""Time disarmed on the ground after which a flight taken over by a pilot counts as ended, s."""
+"""Time disarmed on the ground after which a flight counts as ended that a pilot took over, or a restart paused, s."""
 OTHERS_S: Final = 1.5
 """Time after the first contact in which other platforms are heard, too, s: each sends once a second."""
 TAKEN_OVER: Final = {"pilot": "a pilot", "failsafe": "the autopilot's failsafe", "operator": "an operator"}
@@ -315,7 +315,7 @@ class Follower:
         self._digest = ""
         self._has_run = False
         self._landed_s: float | None = None
-        """Since when the vehicle is disarmed while the mission is not in control."""
+        """Since when the vehicle is disarmed while its mission does not go on by itself."""
 
     def end(self, platform: PlatformSnapshot, now_s: float) -> End | None:
         """Result of the mission; None while it runs, or while a failure's policy is executed."""
@@ -325,7 +325,7 @@ class Follower:
         mission = timed.value
         if mission.state in (ActionState.RUNNING, ActionState.PAUSED):
             self._has_run, self._digest = True, mission.digest
-            return self._taken_over(platform, mission, now_s)
+            return self._left_paused(platform, mission, now_s)
         if self._has_run and mission.digest != self._digest:
             return self._lost()
         if mission.state not in ENDED or not (self._has_run or timed.received_s >= self._settled_s):
@@ -335,11 +335,12 @@ class Follower:
         by = TAKEN_OVER["failsafe"] if mission.reason == ENDED_BY_FAILSAFE else ""
         return End(state=mission.state, reason=mission.reason, by=by)
 
-    def _taken_over(self, platform: PlatformSnapshot, mission: MissionSummary, now_s: float) -> End | None:
-        """Result of a flight that another controller has landed, with the mission still paused."""
+    def _left_paused(self, platform: PlatformSnapshot, mission: MissionSummary, now_s: float) -> End | None:
+        """Result of a flight that another controller has landed, or that a restart left on the ground, still paused."""
         vehicle = platform.vehicle
         by = TAKEN_OVER.get(mission.policy, "")
-        if not by or vehicle is None or vehicle.value.is_armed or vehicle.is_stale(now_s):
+        is_left = bool(by) or (mission.state == ActionState.PAUSED and mission.reason == RESTART)
+        if not is_left or vehicle is None or vehicle.value.is_armed or vehicle.is_stale(now_s):
             self._landed_s = None
             return None
         self._landed_s = now_s if self._landed_s is None else self._landed_s

@@ -13,7 +13,7 @@ from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
 from gloc3.messages.command_interface import Control, Outcome, Steer
 from gloc3.messages.summaries import ControlState, Health, MissionSummary
-from gloc3.mission.model.states import ENDED_BY_FAILSAFE
+from gloc3.mission.model.states import ENDED_BY_FAILSAFE, RESTART
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.flights import End, FarAway, Follower
 from gloc3_groundstation.missions.plans import CheckedPlan
@@ -40,10 +40,16 @@ def with_station(play: Callable[[Station, ScriptedPlatform], Awaitable[T]]) -> T
 
 
 def snapshot(
-    state: str, *, received_s: float = 10.0, digest: str = "d", policy: str = "", armed: bool = True
+    state: str,
+    *,
+    received_s: float = 10.0,
+    digest: str = "d",
+    policy: str = "",
+    armed: bool = True,
+    reason: str = "because",
 ) -> PlatformSnapshot:
     vehicle = msgspec.structs.replace(VEHICLE, is_armed=armed)
-    mission = MissionSummary(name="m", digest=digest, state=state, policy=policy, reason="because")
+    mission = MissionSummary(name="m", digest=digest, state=state, policy=policy, reason=reason)
     return PlatformSnapshot(
         name="heron",
         boot=1,
@@ -184,6 +190,24 @@ def test_a_pause_of_an_operator_on_the_ground_is_no_end() -> None:
     follower = Follower(started_s=0.0)
     for now_s in (10.0, 30.0):
         assert follower.end(snapshot("paused", armed=False, received_s=now_s), now_s) is None
+
+
+def test_a_mission_that_a_restart_has_paused_on_the_ground_has_ended() -> None:
+    follower = Follower(started_s=0.0)
+    assert follower.end(snapshot("running"), 10.0) is None
+    for now_s, armed in ((20.0, True), (40.0, True), (50.0, False), (54.0, False)):
+        found = snapshot("paused", reason=RESTART, armed=armed, received_s=now_s)
+        assert follower.end(found, now_s) is None, "it flies, or an operator may resume it at once"
+    end = follower.end(snapshot("paused", reason=RESTART, armed=False, received_s=56.0), 56.0)
+    assert end == End(state="paused", reason="restart")
+    assert end.exit_code == 1
+
+
+def test_a_mission_that_is_resumed_after_a_restart_goes_on() -> None:
+    follower = Follower(started_s=0.0)
+    assert follower.end(snapshot("paused", reason=RESTART, armed=False, received_s=10.0), 10.0) is None
+    assert follower.end(snapshot("running", armed=False, received_s=13.0), 13.0) is None
+    assert follower.end(snapshot("paused", reason=RESTART, armed=False, received_s=16.0), 16.0) is None
 
 
 def test_a_mission_that_the_failsafe_ended_says_so() -> None:

@@ -21,7 +21,6 @@ from gloc3.mission.model.states import ActionState, StateTrigger
 from gloc3.platform.platform import Capability, Platform
 
 BY_OPERATOR: Final = "by an operator"
-RESTART: Final = "restart"
 """Reason of what an operator has started, skipped or aborted."""
 
 

@@ -9,13 +9,13 @@ from typing import Final
 
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import manoeuvres
-from gloc3.mission.executing.board import RESTART, Board, PolicyCondition, PolicyManoeuvre
+from gloc3.mission.executing.board import Board, PolicyCondition, PolicyManoeuvre
 from gloc3.mission.executing.items import MissionProgram
 from gloc3.mission.executing.snapshot import PlannedSilence
 from gloc3.mission.model.arguments import LandOrder, SetOff
 from gloc3.mission.model.model import Contingency, answer, part_of
 from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
-from gloc3.mission.model.states import ActionState, StateTrigger
+from gloc3.mission.model.states import RESTART, ActionState, StateTrigger
 
 CONTINGENCY: Final = "contingency"
 """Name of the program of an active contingency."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from gloc3.errors import InputError
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing import elsewhere, flow, manoeuvres
-from gloc3.mission.executing.board import RESTART, Board
+from gloc3.mission.executing.board import Board
 from gloc3.mission.executing.executor import MissionExecutor
 from gloc3.mission.executing.items import ActionRun, MissionProgram
 from gloc3.mission.executing.reactions import (
@@ -19,7 +19,7 @@ from gloc3.mission.executing.snapshot import ProgramSnapshot, Snapshot
 from gloc3.mission.model.arguments import LandOrder, SetOff
 from gloc3.mission.model.model import Mission, part_of
 from gloc3.mission.model.policy import Policy
-from gloc3.mission.model.states import ActionState, StateTrigger
+from gloc3.mission.model.states import RESTART, ActionState, StateTrigger
 from gloc3.platform.platform import Platform
 
 

@@ -82,6 +82,8 @@ ENDED: Final = (_S.DONE, _S.FAILED, _S.SKIPPED, _S.ABORTED)
 """States in which nothing is running."""
 ENDED_BY_FAILSAFE: Final = "ended by the autopilot's failsafe"
 """Reason for aborting a mission whose vehicle the autopilot's failsafe has landed."""
+RESTART: Final = "restart"
+"""Reason for what a restart of the onboard process has changed; on the ground, it has paused the mission."""
 
 
 def allowed(state: ActionState) -> tuple[StateTrigger, ...]:

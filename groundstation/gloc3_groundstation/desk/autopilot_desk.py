@@ -1,6 +1,7 @@
 """Commands to an autopilot itself, for a vehicle without a GLOC3 companion or one whose companion is silent."""
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Final, NamedTuple
 
 from gloc3.errors import Gloc3Error, Refused
@@ -173,7 +174,7 @@ def numbers_of(action: Action, typed: str) -> tuple[float, ...]:
         numbers = tuple(map(float, typed.replace(",", " ").split()))
     except ValueError:
         numbers = ()
-    if len(numbers) != {Action.GO_TO: 3, Action.POINT: 2}.get(action, 1):
+    if len(numbers) != {Action.GO_TO: 3, Action.POINT: 2}.get(action, 1) or not all(map(isfinite, numbers)):
         raise Refused(f"{typed!r}: {OFFERS[action].values} is expected")
     return numbers
 

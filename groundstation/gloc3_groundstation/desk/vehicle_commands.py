@@ -22,7 +22,7 @@ from gloc3.mission.model.states import ENDED, ActionState
 from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.autopilot_desk import OFFERS, AutopilotDesk, in_words, numbers_of, values_of
 from gloc3_groundstation.desk.mission_desk import MissionDesk
-from gloc3_groundstation.services.actions import BY_MODE, RESTS, Action
+from gloc3_groundstation.services.actions import BY_MODE, RESTS, Action, check_values
 from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.station.station import Station
@@ -88,8 +88,10 @@ def parse_vehicle_command(text: str) -> VehicleCommand:
     values = OFFERS[command.action].values
     if bool(values) != bool(command.typed):
         raise Refused(f"{word}: {values} is expected" if values else f"{word} takes no values")
-    if command.action is not Action.GO_TO:
-        values_of(command.action, command.typed, None)
+    if command.action is Action.GO_TO:  # in the vehicle's frame, which is not known here
+        numbers_of(command.action, command.typed)
+    elif command.action is not Action.MODE:
+        check_values(command.action, values_of(command.action, command.typed, None))
     return command
 
 

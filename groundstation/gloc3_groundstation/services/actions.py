@@ -27,6 +27,9 @@ DO_SET_MODE: Final = 176
 CUSTOM_MODE: Final = 1.0
 """MAV_MODE_FLAG_CUSTOM_MODE_ENABLED."""
 HIGHEST_M: Final = 1000.0
+"""Of a take-off, above home."""
+HIGHEST_PLACE_M: Final = 10_000.0
+"""Altitude of a place, up or down."""
 FASTEST_M_S: Final = 100.0
 
 
@@ -120,7 +123,7 @@ class ActionService:
         Raises:
             Refused: an argument is out of bounds, or the vehicle refuses or does not answer.
         """
-        _check(action, arguments)
+        check_values(action, arguments)
         await self._heard()
         begin_s = self._machines.now_s
         try:
@@ -257,8 +260,8 @@ class ActionService:
             )
 
 
-def _check(action: Action, arguments: tuple[float, ...]) -> None:
-    """Checks what a command takes.
+def check_values(action: Action, arguments: tuple[float, ...]) -> None:
+    """Checks the values of a command; arguments as of `ActionService.act`.
 
     Raises:
         Refused: a value is missing or out of its bounds.
@@ -274,6 +277,8 @@ def _check(action: Action, arguments: tuple[float, ...]) -> None:
                 )
             if altitude_m != altitude_m:
                 raise Refused("a place needs an altitude")
+            if abs(altitude_m) >= HIGHEST_PLACE_M:
+                raise Refused(f"{altitude_m:g} m: altitudes are less than {HIGHEST_PLACE_M:g} m from the sea's surface")
         case Action.SPEED, (speed_m_s,):
             if not 0.0 < speed_m_s <= FASTEST_M_S:
                 raise Refused(f"a speed is above 0 and up to {FASTEST_M_S:g} m/s, not {speed_m_s:g} m/s")

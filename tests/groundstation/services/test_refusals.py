@@ -45,6 +45,16 @@ def test_a_refusal_has_the_autopilots_own_reason_and_none_of_another_moment(is_e
     over(play, autopilot=PX4)
 
 
+@pytest.mark.parametrize("altitude_m", [1e9, -1e9, float("inf"), float("nan")])
+def test_a_place_at_no_altitude_of_a_vehicle_is_refused_before_anything_is_sent(altitude_m: float) -> None:
+    async def play(scene: Scene) -> None:
+        with pytest.raises(Refused, match="altitude"):
+            await scene.services.actions.act(Action.GO_TO, 47.1, 8.5, altitude_m, float("nan"))
+        assert not scene.vehicle.requested
+
+    over(play, autopilot=PX4)
+
+
 def test_a_motor_test_and_a_calibration_have_it_too() -> None:
     async def play(scene: Scene) -> None:
         def refuse(request: MavCommandRequest) -> CommandResult | None:

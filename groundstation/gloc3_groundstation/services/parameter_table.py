@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from fnmatch import fnmatchcase
+from math import isfinite
 from typing import Final
 
 import msgspec
@@ -171,7 +172,7 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
         Args:
             name: which.
             value: the new one.
-            force: also beyond the bounds that the firmware describes, though never beyond those of its type.
+            force: also beyond the bounds that the firmware describes, though never infinite or beyond those of its type.
 
         Raises:
             Refused: there is no such parameter, or it may not be that; with the bounds.
@@ -179,7 +180,11 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True):
         row = self[name]
         wanted = parameter(name, value, row.parameter.type)
         info = row.info
-        if force or wanted.is_same(row.parameter):
+        if wanted.is_same(row.parameter):
+            return wanted
+        if not isfinite(wanted.value):
+            raise Refused(f"{name} must be a number, not {value:g}")
+        if force:
             return wanted
         unit = f" {info.unit}" if info.unit else ""
         if info.is_read_only:

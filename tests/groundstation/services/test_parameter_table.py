@@ -86,6 +86,14 @@ def test_bounds_of_the_description_can_be_overruled_those_of_the_type_cannot() -
         TABLE.check("RC1_MIN", 40_000, force=True)
 
 
+@pytest.mark.parametrize("text", ["nan", "-nan", "inf", "-inf"])
+@pytest.mark.parametrize("name", ["MPC_XY_VEL", "MPC_Z_VEL"])
+def test_nothing_is_set_to_what_is_no_number_or_infinite(name: str, text: str) -> None:
+    for is_forced in (False, True):
+        with pytest.raises(Refused, match=f"{name} must be a number, not -?(nan|inf)"):
+            TABLE.check(name, TABLE.parse(name, text), force=is_forced)
+
+
 def test_what_is_typed_is_a_number_or_what_the_value_is_called() -> None:
     assert [TABLE.parse("NAV_DLL_ACT", text) for text in (" 1 ", "0x2", "return")] == [1.0, 2.0, 2.0]
     with pytest.raises(Refused, match="'retrun' is no value for NAV_DLL_ACT; did you mean 'Return'"):

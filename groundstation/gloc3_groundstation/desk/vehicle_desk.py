@@ -5,6 +5,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from msgspec.structs import replace
+
 from gloc3.cli.counting import counted
 from gloc3.errors import Refused
 from gloc3.mavlink.message import Address
@@ -141,7 +143,8 @@ class VehicleDesk:
         """Lists the vehicle's logs."""
 
         async def work(report: OnProgress) -> str:
-            self.logs = await self.services.logs.list(report)
+            found = await self.services.logs.list(report)
+            self.logs = tuple(replace(line, file_name=f"{self.name}_{line.file_name}") for line in found)
             return counted(len(self.logs), "log") if self.logs else "the vehicle has no logs"
 
         self.begin(ServiceKind.LOGS, "listing the logs", work)

@@ -83,7 +83,8 @@ class FileService:
 
         Args:
             path: on the vehicle.
-            to: a local folder, or the file's new path; an existing file is replaced when the download is complete.
+            to: a local folder, where another file of this name stays and the new one gets a number; or the file's new
+                path, where an existing file is replaced when the download is complete.
             on_progress: called with the progress.
 
         Returns:
@@ -93,7 +94,8 @@ class FileService:
             Refused: it cannot be read or written; with the reason. A partial download is kept.
         """
         path, report = _absolute(path), Quietly(on_progress)
-        part = PartFile(to / PurePosixPath(path).name if to.is_dir() else to)
+        is_folder = to.is_dir()
+        part = PartFile(to / PurePosixPath(path).name if is_folder else to)
         call = self._client.read(self._target, path, now_s=self._machines.now_s, sink=part)
 
         def poll() -> None:
@@ -106,7 +108,7 @@ class FileService:
         if part.begun:
             report(f"comparing {path} with the vehicle's")
             await self._compare(path, part)
-        part.finish()
+        part.finish(is_replacing=not is_folder)
         return part.path
 
     async def read_into(self, path: str, part: PartFile, on_bytes: Callable[[int], None]) -> None:

@@ -65,7 +65,7 @@ class LogService:
         return tuple(LogLine(entry=entry, file_name=_file_name(entry, suffix)) for entry in entries)
 
     async def download(self, line: LogLine, folder: Path, on_progress: OnProgress | None = None) -> Path:
-        """Downloads a log into a folder; resumes an earlier partial download there.
+        """Downloads a log into a folder, where another file of its name stays; resumes an earlier partial download there.
 
         Returns:
             Its local path.

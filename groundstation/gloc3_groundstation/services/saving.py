@@ -1,6 +1,8 @@
 """A file being downloaded: kept as a part file beside it, and renamed when complete."""
 
 from collections.abc import Iterator
+from filecmp import cmp
+from itertools import count
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -14,7 +16,7 @@ class Saving:
     """Destination of a download.
 
     Args:
-        path: the file that it becomes.
+        path: the file that it becomes; with a number, where another file has this name.
         identity: tells one version of what is downloaded from another; parts of another one are not used.
 
     Raises:
@@ -22,7 +24,7 @@ class Saving:
     """
 
     def __init__(self, path: Path, identity: str = "") -> None:
-        self.path: Final = path
+        self.path = path
         self.part: Final = path.with_name(f"{path.name}{'.' if identity else ''}{identity}{PART_SUFFIX}")
         self._kept = 0
         _check(path)
@@ -65,7 +67,7 @@ class Saving:
         """
         try:
             self.part.write_bytes(data)
-            self.part.replace(self.path)
+            self.path = self.part.replace(_unused(self.path, self.part))
         except OSError as error:
             raise Refused(f"{self.path} cannot be written: {error.strerror or error}") from error
 
@@ -81,7 +83,7 @@ class PartFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path: Final = path
+        self.path = path
         self.begun = 0
         """Bytes that an earlier attempt has left."""
         self.problem: Refused | None = None
@@ -131,8 +133,11 @@ class PartFile:
         self.close()
         self._part.unlink(missing_ok=True)
 
-    def finish(self) -> None:
+    def finish(self, *, is_replacing: bool = True) -> None:
         """Renames the complete file to its final name.
+
+        Args:
+            is_replacing: whether it replaces another file of this name; if not, it gets a number.
 
         Raises:
             Refused: it cannot be written.
@@ -140,7 +145,7 @@ class PartFile:
         self.close()
         try:
             if self.problem is None:
-                self._part.replace(self.path)
+                self.path = self._part.replace(self.path if is_replacing else _unused(self.path, self._part))
         except OSError as error:
             self._fail(error)
         if self.problem is not None:
@@ -153,6 +158,16 @@ class PartFile:
 def part_of(path: Path, size: int) -> Path:
     """Path of the partial download of a file with this final size."""
     return path.with_name(f"{path.name}.{size}{PART_SUFFIX}")
+
+
+def _unused(path: Path, part: Path) -> Path:
+    """The path, with a number where a file of that name has other contents than the complete part: `log_001-2.ulg`."""
+    free = path
+    for number in count(2):
+        if not free.exists() or cmp(part, free, shallow=False):
+            break
+        free = path.with_stem(f"{path.stem}-{number}")
+    return free
 
 
 def _check(path: Path) -> None:

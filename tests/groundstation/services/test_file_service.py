@@ -51,6 +51,22 @@ def test_a_file_is_downloaded_with_progress_and_has_its_name_only_when_it_is_who
     over(play, LOSSY, folder=top)
 
 
+def test_another_file_of_the_same_name_stays_unless_the_new_path_is_given(top: Path, tmp_path: Path) -> None:
+    (tmp_path / "b.txt").write_text("of another vehicle")
+    (tmp_path / "c.txt").write_text("of another vehicle")
+
+    async def play(scene: Scene) -> None:
+        files = scene.services.files
+        for _ in range(2):
+            path = await files.download("/b.txt", tmp_path)
+            assert (path.name, path.read_text()) == ("b-2.txt", "text")
+        assert (tmp_path / "b.txt").read_text() == "of another vehicle"
+        await files.download("/b.txt", tmp_path / "c.txt")
+        assert (tmp_path / "c.txt").read_text() == "text"
+
+    over(play, folder=top)
+
+
 def test_a_file_is_uploaded_checked_and_removed(top: Path, tmp_path: Path) -> None:
     (tmp_path / "new.bin").write_bytes(CONTENT[:5000])
 

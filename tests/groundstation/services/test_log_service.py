@@ -87,6 +87,20 @@ def test_what_is_left_of_another_log_is_not_used(tmp_path: Path) -> None:
     over(play, logs=Logs(CONTENT))
 
 
+def test_a_log_of_the_same_name_stays_and_the_same_log_is_not_kept_twice(tmp_path: Path) -> None:
+    other = random.Random(5).randbytes(60_000)
+
+    async def play(scene: Scene) -> Path:
+        (line,) = await scene.services.logs.list()
+        return await scene.services.logs.download(line, tmp_path)
+
+    first, second, again = (over(play, logs=Logs(content)) for content in (CONTENT, other, other))
+    assert first.read_bytes() == CONTENT
+    assert second.read_bytes() == other
+    assert (second.name, again) == (f"{first.stem}-2{first.suffix}", second)
+    assert sorted(tmp_path.iterdir()) == sorted([first, second])
+
+
 def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
     async def play(scene: Scene) -> None:
         (line,) = await scene.services.logs.list()

@@ -131,6 +131,17 @@ class ServicePane(Container):
         hint = f"a file; names begin in {vehicle.folder.absolute()}"
         self.prompt(title, lambda text: work(vehicle.path(text)), value=value, hint=hint, check=check)
 
+    def choose_new_file(self, title: str, work: Callable[[Path], object], value: str = "") -> None:
+        """Asks for the name of a file to write, and again before one that exists is replaced."""
+
+        def write(file: Path) -> None:
+            if file.exists():
+                self.confirm(f"{file.name} is there already. Replace it?", "replace it", lambda: work(file))
+            else:
+                work(file)
+
+        self.choose_file(title, write, value)
+
     def confirm(self, question: str, yes: str, work: Callable[[], object]) -> None:
         """Asks for confirmation before a dangerous action."""
 

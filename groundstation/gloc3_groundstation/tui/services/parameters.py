@@ -175,7 +175,7 @@ class ParametersPane(ServicePane):
         vehicle = self.vehicle
         if vehicle is not None:
             suffix = ".parm" if vehicle.snapshot.firmware is Firmware.ARDUPILOT else ".params"
-            self.choose_file("save all parameters as", vehicle.parameters.save, f"{vehicle.name}{suffix}")
+            self.choose_new_file("save all parameters as", vehicle.parameters.save, f"{vehicle.name}{suffix}")
 
     def action_describe(self) -> None:
         """Takes the description of the parameters."""

@@ -69,7 +69,7 @@ class PlansPane(ServicePane):
     def action_save(self) -> None:
         """Saves the vehicle's plan."""
         if self.vehicle is not None:
-            self.choose_file("save the vehicle's plan as", self.vehicle.plans.save, f"{self.vehicle.name}.plan")
+            self.choose_new_file("save the vehicle's plan as", self.vehicle.plans.save, f"{self.vehicle.name}.plan")
 
     def action_clear(self) -> None:
         """Clears, after confirmation: a plan that is only on the vehicle is lost."""

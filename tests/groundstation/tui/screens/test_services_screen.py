@@ -166,6 +166,26 @@ async def test_a_file_is_compared_first_and_only_what_is_not_left_out_is_written
         assert (tmp_path / "all.params").read_text().count("MPC_XY_VEL_MAX\t8") == 1
 
 
+@pytest.mark.parametrize(("title", "saved"), [("Parameters", "all.params"), ("Plans", "all.plan")])
+async def test_a_file_that_is_there_already_is_replaced_only_after_a_question(
+    title: str, saved: str, tmp_path: Path
+) -> None:
+    file = tmp_path / saved
+    file.write_text("# of another vehicle")
+    async with services_scene(downloads=tmp_path) as here:
+        await here.tab(title)
+        await here.press("f")
+        await here.until("job", "✓ ")
+        for answer in ("n", "y"):
+            await here.press("s")
+            await enter(here, saved)
+            await dialogue(here, YesNoQuestion)
+            assert file.read_text() == "# of another vehicle"
+            await here.press(answer)
+            await here.wait(lambda: not isinstance(here.app.screen, YesNoQuestion))
+        await here.wait(lambda: "another vehicle" not in file.read_text())
+
+
 async def test_clearing_the_plan_leaves_no_mission_no_fence_and_no_rally_points() -> None:
     async with services_scene() as here:
         entry = PlanEntry(items=(MavItem(command=16, frame=3, x=47.0, y=8.0, z=10.0),))
@@ -203,6 +223,7 @@ async def test_a_log_is_downloaded_cancelled_and_taken_up_again_while_another_se
         await here.press("d")
         await here.until("job", "✓ log 2 is in")
         (log,) = tmp_path.iterdir()
+        assert log.stem == f"{NAME}_log_002_2023-11-14_22-13-20"
         assert log.read_bytes() == CONTENT
         await here.press("delete")
         await dialogue(here, YesNoQuestion)

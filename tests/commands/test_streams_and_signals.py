@@ -1,5 +1,6 @@
 """Programs of their own: pipes that nobody reads, streams that are closed, and Ctrl-C."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -41,6 +42,14 @@ def test_narration_that_nobody_reads_does_not_end_a_flight(tmp_path: Path) -> No
 def test_a_program_that_is_started_without_streams_works(tmp_path: Path) -> None:
     done = shell(f"{GLOC3} mission check hop --json >&- 2>&-", tmp_path)
     assert done.returncode == 0
+
+
+@pytest.mark.parametrize("options", ["", "--commands"])
+def test_a_station_that_is_started_without_stdin_ends_with_its_outcome(options: str, tmp_path: Path) -> None:
+    station = "station --headless --json --no-record --mission hop --link udpin://127.0.0.1:0 --wait 0.1"
+    done = shell(f"{GLOC3} {station} {options} <&-", tmp_path)
+    assert json.loads(done.stdout.splitlines()[-1])["outcome"] == "not_heard"
+    assert done.returncode == 5
 
 
 def test_a_full_disk_is_told(tmp_path: Path) -> None:

@@ -166,6 +166,8 @@ def _overview(commands: dict[str, EntryPoint]) -> str:
 
 def _have_streams() -> None:
     """Replaces streams that were closed at start, and makes output of unsupported characters safe."""
+    if sys.stdin is None:
+        sys.stdin = open(os.devnull)  # noqa: SIM115, PTH123 # open for as long as the process runs
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115, PTH123 # open for as long as the process runs

@@ -21,6 +21,8 @@ class Judged(NamedTuple):
     is_forced: bool = False
     reason: str = ""
     """Why it is not taken; empty where it is."""
+    text: str = ""
+    """The value as the vehicle gets it."""
 
 
 class ParameterDesk:
@@ -138,11 +140,11 @@ def judge(table: ParameterTable, name: str, typed: str) -> Judged:
     is_forced = text.endswith(FORCE)
     try:
         value = table.parse(name, text.removesuffix(FORCE))
-        table.check(name, value, force=True)
+        wanted = table.check(name, value, force=True)
     except Refused as error:
         return Judged(reason=str(error))
     try:
         table.check(name, value, force=is_forced)
     except Refused as error:
         return Judged(reason=f"{error}; {text}{FORCE} sets it anyway")
-    return Judged(value=value, is_forced=is_forced)
+    return Judged(value=value, is_forced=is_forced, text=table.with_value(wanted)[name].text)

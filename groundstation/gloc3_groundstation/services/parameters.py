@@ -20,7 +20,12 @@ from gloc3_groundstation.services.descriptions.parameter_info import Infos, load
 from gloc3_groundstation.services.descriptions.shipped import layered, shipped_infos
 from gloc3_groundstation.services.files import FileService
 from gloc3_groundstation.services.machines import Machines
-from gloc3_groundstation.services.parameter_files import ParameterFormat, load_parameter_file, write_parameter_file
+from gloc3_groundstation.services.parameter_files import (
+    ParameterFormat,
+    load_parameter_file,
+    spell,
+    write_parameter_file,
+)
 from gloc3_groundstation.services.parameter_table import ParameterChange, ParameterDiff, ParameterRow, ParameterTable
 from gloc3_groundstation.services.progress import OnProgress, Quietly
 from gloc3_groundstation.services.snapshot import SnapshotService
@@ -233,7 +238,7 @@ class ParameterService:
         finally:
             self._client.cancel(call)
         if call.result is not ParameterResult.DONE or call.value is None:
-            kept = "" if call.value is None else f" ({call.value.value:g})"
+            kept = "" if call.value is None else f" ({spell(call.value)})"
             raise Refused(f"{on_error}: {call.result}{kept}")
         return call.value
 

@@ -150,7 +150,7 @@ class ParametersPane(ServicePane):
         def write(text: str) -> None:
             judged = judge(vehicle.parameters.table, name, text)
             self.confirm_if_armed(
-                f"Set {name} to {judged.value:g} in flight (it is {row.text})?",
+                f"Set {name} to {judged.text} in flight (it is {row.text})?",
                 "set it",
                 lambda: vehicle.parameters.set(name, judged.value, force=judged.is_forced),
             )

@@ -119,8 +119,11 @@ async def test_while_armed_a_write_is_asked_about_first(tmp_path: Path) -> None:
         here.vehicle.runner.settle()
         await here.wait(lambda: here.services.vehicle(NAME).is_armed)
         await here.press("e")
-        await enter(here, "7")
+        await enter(here, "16777217")
         await dialogue(here, YesNoQuestion)
+        question = here.app.screen
+        assert isinstance(question, YesNoQuestion)
+        assert "Set CAL_ACC0_ID to 16777217 in flight (it is 1310988)?" in question._question
         await here.press("n")
         await here.wait(lambda: not isinstance(here.app.screen, YesNoQuestion))
         assert here.services.vehicle(NAME).parameters.table["CAL_ACC0_ID"].value == 1310988

@@ -7,6 +7,7 @@ from tests.groundstation.services_scene import INFOS, PARAMETERS
 from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.calibration import CalibrationKind, CalibrationPhase, CalibrationState, Side, SideState
 from gloc3.mavlink.services.files.log_server import LogEntry
+from gloc3.mavlink.services.parameter import ParameterType, parameter
 from gloc3.mission.formats.items import FenceArea, ForeignPlan, MavItem, PlanEntry
 from gloc3_groundstation.desk.parameter_desk import judge
 from gloc3_groundstation.desk.plan_desk import PlanDesk, PlanFile
@@ -106,12 +107,18 @@ def test_a_comparison_says_what_would_be_written_what_is_left_and_what_is_wrong(
     assert "not allowed   line 3 of the file" in text(service_parameters.diff_detail(diff, wrong, 80))
 
 
+def test_whole_numbers_are_compared_in_all_their_digits() -> None:
+    mask = ParameterTable.of({"MASK": parameter("MASK", 16_777_216, ParameterType.INT32)}, {}, is_complete=True)
+    (row,) = service_parameters.diff_rows(mask.compare(read_parameter_file(b"MASK 16777220", "new.parm")))
+    assert text_of(service_parameters.diff_line(row, (), 120)).split() == ["write", "MASK", "16777216", "16777220"]
+
+
 def test_what_is_typed_for_a_parameter_is_judged_in_words() -> None:
     assert judge(TABLE, "NAV_DLL_ACT", " land mode ").value == 3
     assert judge(TABLE, "MPC_XY_VEL_MAX", "25").reason == (
         "MPC_XY_VEL_MAX must be at most 20 m/s, not 25; 25! sets it anyway"
     )
-    assert judge(TABLE, "MPC_XY_VEL_MAX", "25!") == (25.0, True, "")
+    assert judge(TABLE, "MPC_XY_VEL_MAX", "25!") == (25.0, True, "", "25")
     assert "is no value for" in judge(TABLE, "MPC_XY_VEL_MAX", "fast").reason
     assert judge(TABLE, "NAV_DLL_ACT", "1.5!").reason
 

@@ -181,4 +181,6 @@ def diff_detail(diff: ParameterDiff, row: DiffRow | None, width: int) -> list[Li
 
 
 def _plain(value: float | None) -> str:
-    return "?" if value is None else f"{value:.7g}"
+    if value is None:
+        return "?"
+    return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e15 else f"{value:.7g}"

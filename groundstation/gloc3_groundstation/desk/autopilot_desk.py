@@ -18,6 +18,9 @@ BY_ITSELF: Final = (
     "its onboard process is silent: this goes to the autopilot itself; when the process is back, the station "
     "reports whose command it was, and the mission stays paused until it is resumed"
 )
+THROUGH_COMPANION: Final = (
+    "its commands go through its onboard process now, so this one was not sent to the autopilot: give it again"
+)
 EMERGENCIES: Final = {
     EmergencyVerb.HOLD: Action.HOLD,
     EmergencyVerb.LAND: Action.LAND,
@@ -110,10 +113,12 @@ class AutopilotDesk:
             typed: its values, as `OFFERS` names them.
 
         Raises:
-            Refused: this station may not, a value is wrong, or the autopilot refuses.
+            Refused: this station may not, its companion commands it, a value is wrong, or the autopilot refuses.
         """
         platform = self._station.fleet.get(name)
         self.require_control(platform, action)
+        if platform is not None and not self.is_its_own(platform):
+            raise Refused(THROUGH_COMPANION)
         if action not in KEEP_THE_MODE:
             self._mode_changes[name] = self.mode_changes(name) + 1
         if platform is not None and platform.has_companion:

@@ -159,13 +159,19 @@ class Station:
         self.client.close()
 
     def notify_when_back(self, name: str, command: str) -> None:
-        """Has a silent onboard process told, when it is heard again, what was commanded to its autopilot meanwhile.
+        """Has an onboard process told, as soon as it is heard again, what was commanded to its autopilot meanwhile.
 
         Args:
             name: of the platform.
             command: the last one, in words; it takes the place of those before.
         """
-        self._untold[name] = command
+        platform = self.fleet.get(name)
+        if platform is not None and not platform.is_quiet_link(
+            self.now_s()
+        ):  # it is back before the autopilot answered
+            self._start(self._notify(name, command))
+        else:
+            self._untold[name] = command
 
     async def _notify(self, name: str, command: str) -> None:
         """Tells it until it is accepted: a process that has just started takes some seconds to know its mission."""

@@ -4,12 +4,12 @@ import asyncio
 
 import pytest
 from msgspec.structs import replace
-from tests.groundstation.scripted_platform import VEHICLE
+from tests.groundstation.scripted_platform import VEHICLE, ScriptedPlatform
 
 from gloc3.clock import run_virtual
 from gloc3.errors import Refused
 from gloc3.exchange import LocalExchange
-from gloc3.messages.command_interface import StationRole
+from gloc3.messages.command_interface import AnyBody, Control, ControlVerb, StationRole
 from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.desk.autopilot_desk import AutopilotDesk, values_of
 from gloc3_groundstation.desk.services_desk import ServicesDesk
@@ -30,7 +30,7 @@ def told(holder: str, action: Action, role: StationRole = StationRole.OPERATOR) 
     async def main() -> str:
         station = Station(LocalExchange(), asyncio.get_running_loop(), "255", 11)
         station.client.role = role
-        platform = replace(HERON, control=Timed(ControlState(holder=holder), 0.0))
+        platform = replace(HERON, control=Timed(ControlState(holder=holder), 0.0), received_s=-60.0)
         station.change(lambda fleet, now_s: with_platform(fleet, platform))
         try:
             assert not await AutopilotDesk(station, ServicesDesk(station)).act("heron", action)
@@ -62,6 +62,32 @@ def test_a_companion_that_speaks_or_an_autopilot_that_is_not_heard_is_not_passed
         return speaks, silent
 
     assert run_virtual(main()) == (False, is_alive)
+
+
+def test_a_command_that_comes_when_the_companion_is_back_is_not_sent_past_it() -> None:
+    async def main() -> str:
+        station = Station(LocalExchange(), asyncio.get_running_loop(), "255", 11)
+        back = replace(HERON, control=Timed(ControlState(holder="255"), 0.0), received_s=station.now_s())
+        station.change(lambda fleet, now_s: with_platform(fleet, back))
+        assert not await AutopilotDesk(station, ServicesDesk(station)).act("heron", Action.RETURN)
+        station.close()
+        return station.fleet.events[-1].text
+
+    assert "through its onboard process" in run_virtual(main())
+
+
+def test_a_companion_that_is_back_before_the_autopilot_has_answered_is_told_of_the_command() -> None:
+    async def main() -> list[AnyBody]:
+        exchange = LocalExchange()
+        station = Station(exchange, asyncio.get_running_loop(), "255", 11)
+        companion = ScriptedPlatform(exchange)
+        companion.speak()
+        station.notify_when_back("heron", "return")
+        await asyncio.sleep(1.0)
+        station.close()
+        return companion.requests
+
+    assert Control(verb=ControlVerb.OPERATED, command="return") in run_virtual(main())
 
 
 def test_values_are_numbers_in_the_order_that_is_told() -> None:

@@ -4,17 +4,20 @@ from unittest.mock import patch
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 from tests.groundstation.scripted_platform import ScriptedPlatform, refused
 from tests.groundstation.station_scene import Scene, scene
 from textual.command import CommandPalette
-from textual.widgets import ContentSwitcher, Input, OptionList
+from textual.widgets import ContentSwitcher, Input, OptionList, Static
 
 from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMission, Steer, Verb
 from gloc3.messages.summaries import ControlState
 from gloc3.mission.model.model import digest_of
 from gloc3_groundstation.desk.flights import End
+from gloc3_groundstation.station.fleet import with_platform
+from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet
 from gloc3_groundstation.store.configuration import Configuration, LastSession
-from gloc3_groundstation.tui.dialogues.questions import TextQuestion, YesNoQuestion
+from gloc3_groundstation.tui.dialogues.questions import EmergencyQuestion, TextQuestion, YesNoQuestion
 from gloc3_groundstation.tui.help import HelpScreen
 from gloc3_groundstation.tui.screens.table import SCREENS
 from gloc3_groundstation.tui.widgets.lines import text_of
@@ -127,6 +130,32 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
         await here.press("q", "ctrl+c")
         assert here.app._exit
         assert here.app.return_code == 130, "Ctrl-C asks nothing"
+
+
+@pytest.mark.sockets
+async def test_a_disarming_confirmed_for_the_autopilot_is_not_sent_to_a_companion_that_is_back() -> None:
+    heard = AutopilotSnapshot(link="udpin://127.0.0.1:14550", system=1, component=1, firmware="PX4")
+
+    def silent(fleet: Fleet, now_s: float) -> Fleet:
+        return with_platform(fleet, replace(fleet.platforms["heron"], received_s=now_s - 60.0, autopilot=heard))
+
+    async with scene(None) as here:
+        here.platform.control = ControlState(holder="255")
+        here.platform.speak()
+        here.platform.fly(is_armed=True, landed="in_air")
+        await here.until("facts", "all 13 well")
+        here.station.change(silent)
+        await here.press("space")
+        await here.until("events", "has no link")
+        await here.press("space")
+        await here.shows(EmergencyQuestion)
+        assert "refused in flight" in "".join(str(line.content) for line in here.app.screen.query(Static))
+        here.platform.speak_every(0.3)
+        await here.press("d")
+        await here.types("heron")
+        await here.press("enter")
+        await here.until("events", "give it again")
+        assert here.requested(Emergency) == []
 
 
 @pytest.mark.sockets

@@ -101,11 +101,13 @@ class EmergencyQuestion(ModalScreen[tuple[EmergencyVerb, str] | Action | None]):
             self.query_one(Vertical).call_after_refresh(lambda: self.query_one(Input).focus())
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Disarms if the name is right."""
-        if event.value.strip() == self._platform:
-            self.dismiss((EmergencyVerb.DISARM, self._platform))
-        else:
+        """Disarms if the name is right: only the autopilot itself, if that was what the choice said."""
+        if event.value.strip() != self._platform:
             event.input.value = ""
+        elif self._returns:
+            self.dismiss(Action.DISARM)
+        else:
+            self.dismiss((EmergencyVerb.DISARM, self._platform))
 
     def action_leave(self) -> None:
         """Closes without doing anything."""

@@ -68,8 +68,9 @@ def go_to_request(desk: Desk, platform: PlatformSnapshot, ground: Ground, north_
         if geo is None:
             raise Refused("the map has no place on Earth, and the command needs one")
         place, text = (geo.latitude_deg, geo.longitude_deg), f"{geo.latitude_deg:.6f}°, {geo.longitude_deg:.6f}°"
-        home_m = ground.site.home_m if ground.site is not None and not is_own else None
-        height_m, height_name = position[2] - (home_m[2] if home_m is not None else 0.0), "above home"
+        home_m = ground.site.home_m if ground.site is not None else None
+        above_m = position[2] - (home_m[2] if home_m is not None else 0.0)
+        height_m, height_name = platform.vehicle.value.position_m[2] if is_own else above_m, "above home"
     else:
         place = own.local(north_m, east_m)
         text = f"x {place[0]:.1f} m, y {place[1]:.1f} m"

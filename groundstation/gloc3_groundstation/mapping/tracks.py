@@ -200,11 +200,12 @@ class Track:
         self._receive_mission(before, after)
 
     def _stay_in_frame(self, platform: PlatformSnapshot) -> None:
-        """Clears the track when the frame of the positions has changed."""
+        """Clears the track when the frame of the positions has moved; its altitude alone follows an autopilot's home."""
         site = platform.site.value if platform.site is not None else None
         if site is None:
             return
-        frame = site.frame, site.origin_geo, site.x_axis_bearing_deg
+        origin = site.origin_geo[:2] if site.origin_geo is not None else None
+        frame = site.frame, origin, site.x_axis_bearing_deg
         if self._frame not in (None, frame):
             self.trail.clear()
             self.history.clear()

@@ -28,6 +28,8 @@ PLACE_WITHIN_S: Final = 5.0
 SAME_BOOT_S: Final = 2.0
 """Times of start that differ by more are of two vehicles, or of two lives of one."""
 DOUBLED_WITHIN_S: Final = 10.0
+HOME_MOVED_M: Final = 0.5
+"""Change of home's altitude from which heights count from its new place, m; less is noise."""
 RESTART_CLEAR_S: Final = 3.0
 """Time of steady time since boot, after a jump, that confirms a restart, s."""
 DOUBLED_JUMPS: Final = 4
@@ -54,7 +56,7 @@ STATE_HZ: Final = 1.0
 
 
 class PlaceWatch:
-    """Position and motion of an autopilot without a companion, as platforms report them; its frame begins where it was placed first, at the height of its home."""
+    """Position and motion of an autopilot without a companion, as platforms report them; its frame begins where it was placed first, at the height of its present home."""
 
     def __init__(self) -> None:
         self.site: SiteSummary | None = None
@@ -93,11 +95,8 @@ class PlaceWatch:
         if (message.lat, message.lon) == (0, 0):
             return
         latitude_deg, longitude_deg, altitude_m = message.lat / 1e7, message.lon / 1e7, message.alt / 1e3
-        if self._frame is None:
-            origin = GeoPoint(latitude_deg, longitude_deg, altitude_m - message.relative_alt / 1e3)
-            self._frame = LocalFrame(origin)
-            self.site = SiteSummary(frame="", x_axis_bearing_deg=0.0, origin_geo=(origin[0], origin[1], origin[2]))
-        x, y, height = self._frame.from_geo(latitude_deg, longitude_deg, altitude_m)
+        home = GeoPoint(latitude_deg, longitude_deg, altitude_m - message.relative_alt / 1e3)
+        x, y, height = self._frame_above(home).from_geo(latitude_deg, longitude_deg, altitude_m)
         attitude = self._attitude_cdeg if now_s - self._attitude_s < PLACE_WITHIN_S else None
         heading = message.hdg if message.hdg < 36000 else 0
         self.motion = MotionSummary(
@@ -109,6 +108,15 @@ class PlaceWatch:
             battery_cv=self._battery_cv,
             battery_ca=self._battery_ca,
         )
+
+    def _frame_above(self, home: GeoPoint) -> LocalFrame:
+        """The frame of the positions; `home` gives the altitude of home, and the place where a new frame begins."""
+        frame = self._frame
+        if frame is None or abs(frame.origin.altitude_m - home.altitude_m) > HOME_MOVED_M:
+            origin = home if frame is None else frame.origin._replace(altitude_m=home.altitude_m)
+            frame = self._frame = LocalFrame(origin)
+            self.site = SiteSummary(frame="", x_axis_bearing_deg=0.0, origin_geo=(origin[0], origin[1], origin[2]))
+        return frame
 
 
 class AutopilotWatch:
@@ -240,7 +248,8 @@ class AutopilotWatch:
         place = self._place if now_s - self.place_s < PLACE_WITHIN_S else None
         is_placed = place is not None and (place.lat, place.lon) != (0, 0)
         geo = (place.lat / 1e7, place.lon / 1e7, place.alt / 1e3) if place is not None and is_placed else None
-        known, height_m = self.place.position_m(), 0.0 if place is None else place.relative_alt / 1e3
+        known = self.place.position_m() if is_placed else None
+        x, y = known[:2] if known is not None else (0.0, 0.0)
         heading = place.hdg if place is not None else _HEADING_UNKNOWN
         return VehicleSummary(
             t_s=0.0,
@@ -248,7 +257,7 @@ class AutopilotWatch:
             is_armed=self.is_armed,
             landed=self._landed,
             battery_percent=self._battery_percent,
-            position_m=known if known is not None and is_placed else (0.0, 0.0, height_m),
+            position_m=(x, y, 0.0 if place is None else place.relative_alt / 1e3),
             speed_m_s=round(self._speed_m_s, 2),
             heading_deg=heading // 100 if heading != _HEADING_UNKNOWN else 0,
             is_pose_valid=geo is not None,

@@ -212,6 +212,16 @@ def test_another_frame_begins_another_track() -> None:
     assert len(here.track.trail) == 0
 
 
+def test_a_frame_that_is_raised_with_home_keeps_the_track() -> None:
+    here = Followed()
+    here.receive(SiteSummary(frame="", x_axis_bearing_deg=0.0, origin_geo=(47.0, 8.0, 500.0)), 0.0)
+    here.move(0.25)
+    here.receive(SiteSummary(frame="", x_axis_bearing_deg=0.0, origin_geo=(47.0, 8.0, 520.0)), 2.0)
+    assert len(here.track.trail) == 1
+    here.receive(SiteSummary(frame="", x_axis_bearing_deg=0.0, origin_geo=(47.1, 8.0, 520.0)), 4.0)
+    assert len(here.track.trail) == 0
+
+
 def test_the_begin_of_a_mission_is_remembered_and_a_pause_is_none() -> None:
     here = Followed()
     mission = MissionSummary(name="m", digest="d", state="waiting")

@@ -11,8 +11,10 @@ from gloc3_groundstation.station.autopilot_watch import PlaceWatch
 HOME = GeoPoint(47.3977, 8.5456, 488.0)
 
 
-def placed(watch: PlaceWatch, x: float, y: float, height: float, now_s: float, **fields: int) -> None:
-    place = LocalFrame(HOME).to_geo((x, y, height))
+def placed(
+    watch: PlaceWatch, x: float, y: float, height: float, now_s: float, home: GeoPoint = HOME, **fields: int
+) -> None:
+    place = LocalFrame(home).to_geo((x, y, height))
     watch.receive(
         message(
             "GLOBAL_POSITION_INT",
@@ -39,6 +41,18 @@ def test_the_frame_begins_at_the_first_place_on_the_height_of_home() -> None:
     assert watch.motion is not None
     assert watch.motion.velocity_cm_s == (300, -100, 50)
     assert watch.motion.attitude_cdeg == (0, 0, 9000)
+
+
+def test_heights_count_from_where_home_is_now_and_the_frame_stays_where_it_began() -> None:
+    watch = PlaceWatch()
+    placed(watch, 0.0, 0.0, 30.0, 1.0)
+    placed(watch, 20.0, -10.0, 10.0, 2.0, HOME._replace(altitude_m=508.0))
+    assert watch.position_m() == pytest.approx((20.0, -10.0, 10.0), abs=0.03)
+    assert watch.site is not None
+    assert watch.site.origin_geo == pytest.approx((HOME.latitude_deg, HOME.longitude_deg, 508.0), abs=1e-3)
+    site = watch.site
+    placed(watch, 20.0, -10.0, 10.0, 3.0, HOME._replace(altitude_m=508.1))
+    assert watch.site is site, "noise moves nothing"
 
 
 def test_attitude_and_battery_go_with_the_place_while_they_are_fresh() -> None:

@@ -11,7 +11,11 @@ from gloc3.mavlink.message import Address
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.desk import flights
+from gloc3_groundstation.desk.autopilot_desk import values_of
 from gloc3_groundstation.desk.desk import Desk
+from gloc3_groundstation.desk.go_here import go_to_request
+from gloc3_groundstation.mapping.ground import Ground
+from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
 from gloc3_groundstation.station.readings import MESSAGES as READINGS
@@ -45,6 +49,26 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
         autopilot.is_on = True
         await scene.pass_s(2.0)
         assert "is heard again after 7 s of silence" in scene.texts()
+
+    over(play)
+
+
+@pytest.mark.parametrize("raised_m", [0.4, 60.0])
+def test_heights_of_a_bare_vehicle_count_from_where_its_home_is_now(raised_m: float) -> None:
+    async def play(scene: Scene) -> None:
+        autopilot = Autopilot(scene.memories[0], PX4, base_mode=128)
+        await scene.pass_s(4.0)
+        place = {"lat": 473977000, "lon": 85456000, "alt": 600_000}
+        for above_m in (100.0, 100.0 - raised_m):
+            autopilot.report("GLOBAL_POSITION_INT", relative_alt=round(1000 * above_m), **place)
+            await scene.pass_s(1.0)
+        bare = scene.platform("px4-1")
+        assert bare.vehicle is not None
+        assert bare.vehicle.value.position_m[2] == pytest.approx(100.0 - raised_m)
+        altitude_m = values_of(Action.GO_TO, "47.398, 8.5456, 10", bare)[2]
+        assert altitude_m == pytest.approx(500.0 + raised_m + 10.0)
+        request = go_to_request(Desk(scene.station), bare, Ground(bare), 10.0, 0.0)
+        assert request.height_m == pytest.approx(100.0 - raised_m)
 
     over(play)
 

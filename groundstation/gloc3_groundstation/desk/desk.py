@@ -32,7 +32,7 @@ from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.contact_queue import ContactQueue
 
 PRESSED_AGAIN_S: Final = 20.0
-"""A second press of the emergency key within this time offers more than hold."""
+"""A press of the emergency key within this time after an emergency command offers more than hold."""
 
 
 class Move(StrEnum):
@@ -107,7 +107,8 @@ class Desk:
         self._streamed: dict[str, tuple[int, str]] = {}
         self._far_ok: set[tuple[str, str]] = set()
         """Platforms and missions whose distance the operator has confirmed."""
-        self._held_s: dict[str, float] = {}
+        self._emergencies: dict[str, tuple[EmergencyVerb, float]] = {}
+        """The last emergency command to each vehicle, and when it was given."""
         self._alerts = Alerts()
 
     @property
@@ -290,14 +291,16 @@ class Desk:
             if platform.is_armed and platform.control is not None and platform.control.value.holder == self.station.id
         ]
 
-    def was_just_held(self, name: str) -> bool:
-        """Whether the emergency key has just been pressed for this platform, so that a further press means more."""
-        return self.station.now_s() - self._held_s.get(name, float("-inf")) < PRESSED_AGAIN_S
+    def last_emergency(self, name: str) -> EmergencyVerb | None:
+        """The emergency command that this platform has just been given, so that a further press means more."""
+        verb, given_s = self._emergencies.get(name, (None, 0.0))
+        return verb if self.station.now_s() - given_s < PRESSED_AGAIN_S else None
 
     async def emergency(self, name: str, verb: EmergencyVerb, confirmation: str = "") -> bool:
         """Requests hold, land or disarm, regardless of the holder of control."""
         platform = self.station.fleet.get(name)
-        self._held_s[name] = self.station.now_s()
+        if verb is EmergencyVerb.HOLD or self.last_emergency(name) is not None:  # else not chosen by the key
+            self._emergencies[name] = verb, self.station.now_s()
         self.station.note(name, Severity.NOTICE, f"emergency {verb}")
         if platform is not None and self.autopilots.is_its_own(platform):
             return await self.autopilots.emergency(platform, verb)

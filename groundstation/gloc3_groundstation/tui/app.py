@@ -284,12 +284,14 @@ class StationApp(App[End | None]):
             self.do(work())
 
     def action_emergency(self, is_typing: bool = False) -> None:
-        """Holds at once; pressed again it offers more."""
+        """Holds at once; pressed again it offers more, and leaves a landing that was chosen there under way."""
         platform = self.platform
         if platform is None:
             return
-        if not self.desk.was_just_held(platform.name):
+        last = self.desk.last_emergency(platform.name)
+        if last in (None, EmergencyVerb.HOLD):  # it may have been resumed since
             self.do(self.desk.emergency(platform.name, EmergencyVerb.HOLD))
+        if last is None:
             return
 
         def chosen(choice: tuple[EmergencyVerb, str] | Action | None) -> None:

@@ -98,6 +98,7 @@ def test_an_order_goes_to_each_vehicle_of_a_selection_at_once_and_who_refused_is
         assert reported[-1] == ": pause: accepted by 1 of 2, not egret"
         assert await stage.own.order(["heron", "egret"], Order.LAND) == ["heron", "egret"]
         assert [stage.requested(name, Emergency)[0].verb for name in stage.vehicles] == ["land", "land"]
+        assert stage.own.last_emergency("heron") is None, "the emergency key holds, and does not ask"
         assert await stage.own.order(["heron", "egret"], Order.START) == ["heron", "egret"]
         for name in stage.vehicles:
             assert [body.text for body in stage.requested(name, LoadMission)] == [PLAN.text]

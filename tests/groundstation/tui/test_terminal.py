@@ -123,13 +123,31 @@ async def test_the_emergency_key_holds_at_once_offers_more_when_pressed_again_an
         await here.press("enter")
         await here.until("events", "emergency disarm")
         verbs = [getattr(body, "verb", None) for body in here.requested(Emergency)]
-        assert verbs == [EmergencyVerb.HOLD, EmergencyVerb.LAND, EmergencyVerb.DISARM]
+        assert verbs == [EmergencyVerb.HOLD, EmergencyVerb.HOLD, EmergencyVerb.LAND, EmergencyVerb.DISARM]
         assert getattr(here.requested(Emergency)[-1], "confirmation", "") == "heron"
         await here.press("q", "n")
         assert not here.app._exit
         await here.press("q", "ctrl+c")
         assert here.app._exit
         assert here.app.return_code == 130, "Ctrl-C asks nothing"
+
+
+@pytest.mark.sockets
+async def test_the_emergency_key_holds_at_once_again_after_a_resume() -> None:
+    async with scene(None) as here:
+        here.platform.control = ControlState(holder="255")
+        await here.trouble_in_flight()
+        await here.until("title", "ARMED")
+        await here.press("space")
+        await here.wait(lambda: len(here.requested(Emergency)) == 1)
+        here.platform.advance("paused")
+        here.app.show_fleet()
+        await here.press("r")
+        await here.until("events", "resume: accepted")
+        await here.press("space")
+        await here.wait(lambda: len(here.requested(Emergency)) == 2)
+        assert here.requested(Emergency)[-1] == here.requested(Emergency)[0]
+        await here.shows(EmergencyQuestion)
 
 
 @pytest.mark.sockets
@@ -330,7 +348,7 @@ async def test_the_emergency_key_works_over_a_dialogue_and_while_typing_with_con
         await here.wait(lambda: len(here.requested(Emergency)) == 1)
         await here.press("escape")
         await here.wait(lambda: here.app.screen is here.app.base)
-        here.app.desk._held_s.clear()
+        here.app.desk._emergencies.clear()
         await here.press("question_mark")
         await here.shows(HelpScreen)
         await here.press("space")

@@ -51,6 +51,10 @@ class MotorDesk:
         self._confirmed_until_s = self._now_s() + CONFIRMED_S
         return ""
 
+    def revoke(self) -> None:
+        """Has the next test asked about again: another vehicle may be there now."""
+        self._confirmed_until_s = float("-inf")
+
     def test(self, motor: int) -> None:
         """Turns a motor, if it was confirmed that it may."""
         if not self.is_confirmed:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from math import degrees, isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -119,6 +119,16 @@ class PlaceWatch:
         return frame
 
 
+class _Jump(NamedTuple):
+    """A change of the time at which an autopilot says that it has booted."""
+
+    at_s: float
+    is_up: bool
+    """It has booted later."""
+    is_new: bool
+    """Its time since boot has gone back, or it was silent before: no link that is late does that."""
+
+
 class AutopilotWatch:
     """Follows one autopilot by its frames."""
 
@@ -134,11 +144,28 @@ class AutopilotWatch:
         self.vehicle_type = 0
         self.is_armed = False
         self.link = LinkStatistics()
-        self.place: Final = PlaceWatch()
-        """Where it is, and how it moves."""
-        self.readings: Final = ReadingsWatch()
-        self.flight: Final = FlightClock()
         self._mode = 0
+        self.place_s = 0.0
+        """When it sent its last position."""
+        self._speed_m_s = 0.0
+        self._sequence: int | None = None
+        self._time_s = now_s
+        """When its time since boot came last."""
+        self._jumps: deque[_Jump] = deque(maxlen=DOUBLED_JUMPS)
+        self._restarted_s: float | None = None
+        """The restart from which its state counts."""
+        self._receiver = StatusTextReceiver(Address(0, 0))
+        self._texts: deque[StatusText] = deque(maxlen=MOST_TEXTS)
+        self._reported_s: dict[str, float] = {}
+        """When each of the last texts was told."""
+        self._begin_life()
+
+    def _begin_life(self) -> None:
+        """Clears what is known of its state: it is new, has restarted, or is another one with the same address."""
+        self.place = PlaceWatch()
+        """Where it is, and how it moves."""
+        self.readings = ReadingsWatch()
+        self.flight = FlightClock()
         self._battery_percent = -1
         self._landed = ""
         self._form: VtolForm | None = None
@@ -146,16 +173,7 @@ class AutopilotWatch:
         self.fix_type = 0
         """GPS_FIX_TYPE of its first receiver; 0 before it has sent any."""
         self.has_used_rtk = False
-        self.place_s = 0.0
-        """When it sent its last position."""
-        self._speed_m_s = 0.0
-        self._sequence: int | None = None
         self._received: set[int] = set()
-        self._jumps: deque[tuple[float, bool]] = deque(maxlen=DOUBLED_JUMPS)
-        self._receiver = StatusTextReceiver(Address(0, 0))
-        self._texts: deque[StatusText] = deque(maxlen=MOST_TEXTS)
-        self._reported_s: dict[str, float] = {}
-        """When each of the last texts was told."""
 
     def receive(self, frame: Frame, now_s: float) -> None:
         """Takes in a frame that the autopilot has sent."""
@@ -221,17 +239,20 @@ class AutopilotWatch:
         jumps = self._jumps
         return (
             len(jumps) == DOUBLED_JUMPS
-            and now_s - jumps[0][0] <= DOUBLED_WITHIN_S
-            and len({is_up for _, is_up in jumps}) > 1
+            and now_s - jumps[0].at_s <= DOUBLED_WITHIN_S
+            and len({jump.is_up for jump in jumps}) > 1
         )
 
     def restarted_s(self, now_s: float) -> float | None:
-        """Time of its last restart; None without one, and until it is clear that it is one vehicle, not two."""
+        """Time of its last restart; None without one, and until it is clear that it is one vehicle, not two.
+
+        A vehicle that comes after a silence, and has booted at another time, is another one: that counts, too.
+        """
         if not self._jumps:
             return None
-        at_s, is_up = self._jumps[-1]
-        before_s = self._jumps[-2][0] if len(self._jumps) > 1 else float("-inf")
-        return at_s if is_up and now_s - at_s >= RESTART_CLEAR_S and at_s - before_s >= RESTART_CLEAR_S else None
+        last, before_s = self._jumps[-1], self._jumps[-2].at_s if len(self._jumps) > 1 else float("-inf")
+        is_clear = now_s - last.at_s >= RESTART_CLEAR_S and last.at_s - before_s >= RESTART_CLEAR_S
+        return last.at_s if last.is_new and is_clear else None
 
     def is_same_life(self, other: "AutopilotWatch") -> bool:
         """Whether both have received the same vehicle: it booted at the same time."""
@@ -277,5 +298,11 @@ class AutopilotWatch:
 
     def _booted(self, at_s: float, now_s: float) -> None:
         before, self.boot_at_s = self.boot_at_s, at_s
+        time_s, self._time_s = self._time_s, now_s
         if before is not None and abs(at_s - before) > SAME_BOOT_S:
-            self._jumps.append((now_s, at_s > before))
+            is_back = now_s - at_s < time_s - before
+            self._jumps.append(_Jump(now_s, at_s > before, is_back or now_s - time_s >= BEATS_WITHIN_S))
+        restarted_s = self.restarted_s(now_s)
+        if restarted_s is not None and restarted_s != self._restarted_s:
+            self._restarted_s = restarted_s
+            self._begin_life()

@@ -125,6 +125,8 @@ class AutopilotSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """`quadrotor`; empty where it does not say."""
     is_alive: bool = True
     """Whether its heartbeat comes."""
+    restarted_s: float | None = None
+    """When it has restarted, or another one has taken its address, on the station's clock; None where it has not."""
     fix_type: int = 0
     """GPS_FIX_TYPE of its first receiver; 0 where it is not known."""
     has_used_rtk: bool = False

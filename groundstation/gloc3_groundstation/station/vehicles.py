@@ -43,7 +43,10 @@ READINGS_AFTER_S: Final = 6.0
 MOST_VEHICLES: Final = 64
 _COMPANION: Final = 191
 _HEARTBEAT, _SYSTEM_TIME = shape("HEARTBEAT").id, shape("SYSTEM_TIME").id
-RESTARTED: Final = "its autopilot has restarted: mode and home are reset; check them and its plan before flight"
+RESTARTED: Final = (
+    "its autopilot has restarted, or is another one with its system id: mode and home are reset; "
+    "check them and its plan before flight"
+)
 _IDS_HINT: Final = "give one of them another id (PX4: MAV_SYS_ID, ArduPilot: SYSID_THISMAV or MAV_SYSID)"
 
 
@@ -196,6 +199,9 @@ class Vehicles:
     def _request_streams(self, key: SenderKey, missing: Mapping[int, float]) -> None:
         """Requests messages that a vehicle does not send by default."""
         now_s, (times, last_s) = self._station.now_s(), self._requested.get(key, (0, float("-inf")))
+        restarted_s = self._watches[key].restarted_s(now_s)
+        if restarted_s is not None and last_s < restarted_s:  # what was requested is forgotten there
+            times = 0
         if not missing or times >= REQUEST_COUNT or now_s < last_s + REQUEST_PERIOD_S:
             return
         self._requested[key] = times + 1, now_s
@@ -295,6 +301,7 @@ class Vehicles:
             firmware=autopilot_name(watch.autopilot),
             vehicle_type=type_name(watch.vehicle_type),
             is_alive=now_s - watch.beat_s < BEATS_WITHIN_S,
+            restarted_s=watch.restarted_s(now_s),
             fix_type=watch.fix_type,
             has_used_rtk=watch.has_used_rtk,
             readings=self._readings(key),
@@ -314,9 +321,8 @@ class Vehicles:
         elif known.is_quiet_link(now_s) and watch.received_s > known.received_s:
             silence = duration(watch.received_s - known.received_s)
             fleet = reducers.note(fleet, name, Severity.NOTICE, f"is heard again after {silence} of silence", now_s)
-        restarted_s = watch.restarted_s(now_s)
-        if restarted_s is not None and restarted_s != self._restarts.get(key):
-            self._restarts[key] = restarted_s
+        if autopilot.restarted_s is not None and autopilot.restarted_s != self._restarts.get(key):
+            self._restarts[key] = autopilot.restarted_s
             fleet = reducers.note(fleet, name, Severity.WARNING, RESTARTED, now_s)
         platform = PlatformSnapshot(
             name=name,

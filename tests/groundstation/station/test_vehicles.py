@@ -14,8 +14,11 @@ from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.autopilot_desk import values_of
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.go_here import go_to_request
+from gloc3_groundstation.desk.service_jobs import ServiceKind
+from gloc3_groundstation.desk.services_desk import ServicesDesk
 from gloc3_groundstation.mapping.ground import Ground
 from gloc3_groundstation.services.actions import Action
+from gloc3_groundstation.services.progress import OnProgress
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
 from gloc3_groundstation.station.readings import MESSAGES as READINGS
@@ -239,6 +242,103 @@ def test_two_vehicles_of_one_system_id_on_one_link_are_told_and_a_restart_is_not
         (problem,) = scene.platform("px4-1").problems
         assert scene.texts().count(RESTARTED) == 1
         assert problem.text.startswith("two vehicles share system id 1 on udpin://0.0.0.0:14550: both obey; give one")
+
+    over(play)
+
+
+@pytest.mark.parametrize("booted_s", [0.0, 30.0])
+def test_another_vehicle_with_the_address_of_one_before_inherits_nothing(booted_s: float) -> None:
+    async def play(scene: Scene) -> None:
+        await scene.pass_s(10.0)
+        autopilot = Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(5.0)
+        autopilot.report("HOME_POSITION", latitude=473977000, longitude=85456000, altitude=500_000)
+        autopilot.report("GLOBAL_POSITION_INT", lat=473977000, lon=85456000, alt=500_000, time_boot_ms=5000)
+        await scene.pass_s(1.0)
+        services = ServicesDesk(scene.station, scene.vehicles.reach)
+        before = services.vehicle("px4-1")
+        assert before.motors.confirm("props off", "px4-1") == ""
+        assert before.motors.is_confirmed
+        autopilot.is_on = False
+        await scene.pass_s(14.0)
+        assert not before.motors.is_confirmed
+        autopilot.booted_s, autopilot.is_on = booted_s, True
+        await scene.pass_s(6.0)
+        snapshot = scene.platform("px4-1").autopilot
+        assert snapshot is not None
+        assert snapshot.home_geo is None
+        place = {"lat": 474077000, "lon": 85456000, "alt": 1600_000}
+        autopilot.report("GLOBAL_POSITION_INT", time_boot_ms=int(1000 * (36.0 - booted_s)), **place)
+        await scene.pass_s(1.0)
+        site = scene.platform("px4-1").site
+        assert site is not None
+        assert site.value.origin_geo == (47.4077, 8.5456, 1600.0)
+        after = services.vehicle("px4-1")
+        assert after is not before, "nothing that was loaded from the other one is shown"
+        await scene.pass_s(1.0)
+        assert services.vehicle("px4-1") is after
+        assert scene.texts().count(RESTARTED) == 1
+        await services.close()
+
+    over(play)
+
+
+def test_a_calibration_goes_on_over_the_restart_that_it_asks_for() -> None:
+    async def play(scene: Scene) -> None:
+        autopilot = Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(10.0)
+        services = ServicesDesk(scene.station, scene.vehicles.reach)
+        before, ended = services.vehicle("px4-1"), asyncio.Event()
+
+        async def calibrated(report: OnProgress) -> str:
+            await ended.wait()
+            return "ESC: calibrated"
+
+        before.begin(ServiceKind.CALIBRATION, "calibrating the ESC", calibrated)
+        autopilot.booted_s = asyncio.get_running_loop().time()
+        await scene.pass_s(10.0)
+        assert services.vehicle("px4-1") is before
+        ended.set()
+        await scene.pass_s(2.0)
+        assert before.jobs.outcomes[ServiceKind.CALIBRATION].text == "ESC: calibrated"
+        assert services.vehicle("px4-1") is not before
+        await scene.pass_s(1.0)
+        await services.close()
+
+    over(play)
+
+
+def test_a_link_that_gets_late_is_no_restart() -> None:
+    async def play(scene: Scene) -> None:
+        autopilot = Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(20.5)
+        services = ServicesDesk(scene.station, scene.vehicles.reach)
+        before = services.vehicle("px4-1")
+        autopilot.is_on = False
+        await scene.pass_s(3.0)
+        autopilot.booted_s, autopilot.is_on = 3.0, True
+        await scene.pass_s(8.0)
+        assert services.vehicle("px4-1") is before
+        assert RESTARTED not in scene.texts()
+        await services.close()
+
+    over(play)
+
+
+def test_a_vehicle_that_has_restarted_is_asked_again_for_what_it_does_not_tell() -> None:
+    async def play(scene: Scene) -> None:
+        requested: list[int] = []
+
+        def handle(data: bytes) -> None:
+            requested.extend(frame.message_id for frame in Parser(is_datagram=True).receive(data))
+
+        scene.memories[0].b.on_data = handle
+        autopilot = Autopilot(scene.memories[0], PX4)
+        await scene.pass_s(60.0)
+        requested.clear()
+        autopilot.booted_s = asyncio.get_running_loop().time()
+        await scene.pass_s(10.0)
+        assert shape("COMMAND_LONG").id in requested
 
     over(play)
 

@@ -134,6 +134,7 @@ class VehicleSummary(Message, frozen=True):
     """x, y, height in the platform's local frame."""
     speed_m_s: float
     heading_deg: int
+    """Clockwise from north; -1 where it is not known."""
     is_pose_valid: bool
     has_pilot_control: bool
     is_autopilot_connected: bool

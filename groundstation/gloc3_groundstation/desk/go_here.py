@@ -14,6 +14,7 @@ from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.mapping.ground import Ground, MapPlacement, position_of
 from gloc3_groundstation.missions.forms import arguments_of
 from gloc3_groundstation.services.actions import Action
+from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 
 CAPABILITY: Final = "go_to"
@@ -58,7 +59,7 @@ def go_to_request(desk: Desk, platform: PlatformSnapshot, ground: Ground, north_
     here = own.point(position)
     away_m = hypot(north_m - here[0], east_m - here[1])
     bearing_deg = degrees(atan2(east_m - here[1], north_m - here[0])) % 360.0
-    where = f"{away_m:.0f} m away{f', bearing {bearing_deg:03.0f}°' if ground.has_north else ''}"
+    where = f"{away_m:.0f} m away{f', bearing {wording.bearing(bearing_deg)}' if ground.has_north else ''}"
     is_own = desk.autopilots.is_its_own(platform)
     if is_own and Action.GO_TO not in desk.autopilots.offers(platform):
         raise Refused("it is not armed: take off first")

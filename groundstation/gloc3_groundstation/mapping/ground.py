@@ -140,7 +140,7 @@ def outline(area: Area) -> Plane:
 
 
 def heading_deg_of(platform: PlatformSnapshot) -> float:
-    """Heading of a vehicle, clockwise from north, degrees."""
+    """Heading of a vehicle, clockwise from north, degrees; north where it is not known."""
     if platform.motion is not None:
         return platform.motion.value.attitude_cdeg[2] / 100.0
-    return float(platform.vehicle.value.heading_deg) if platform.vehicle is not None else 0.0
+    return max(0.0, platform.vehicle.value.heading_deg) if platform.vehicle is not None else 0.0

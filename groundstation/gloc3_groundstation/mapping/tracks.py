@@ -247,7 +247,8 @@ class Track:
         if vehicle.is_pose_valid:
             row[:3] = [100.0 * value for value in vehicle.position_m]
             row[TrackChannel.SPEED] = 100.0 * vehicle.speed_m_s
-        row[TrackChannel.HEADING] = 100.0 * vehicle.heading_deg
+        if vehicle.heading_deg >= 0:
+            row[TrackChannel.HEADING] = 100.0 * vehicle.heading_deg
         if vehicle.battery_percent >= 0:
             row[TrackChannel.BATTERY_PERCENT] = 100.0 * vehicle.battery_percent
         self._append(t_s, row)

@@ -280,7 +280,7 @@ class AutopilotWatch:
             battery_percent=self._battery_percent,
             position_m=(x, y, 0.0 if place is None else place.relative_alt / 1e3),
             speed_m_s=round(self._speed_m_s, 2),
-            heading_deg=heading // 100 if heading != _HEADING_UNKNOWN else 0,
+            heading_deg=heading // 100 if heading != _HEADING_UNKNOWN else -1,
             is_pose_valid=geo is not None,
             has_pilot_control=False,
             is_autopilot_connected=True,

@@ -102,6 +102,11 @@ def tenths(value: float) -> str:
     return f"{round(value, 1) + 0.0:.1f}"
 
 
+def bearing(degrees: float) -> str:
+    """A heading or bearing, clockwise from north: `007°`; `–` for a negative one, which is not known."""
+    return "–" if degrees < 0.0 else f"{round(degrees) % 360:03d}°"
+
+
 def mode(platform: PlatformSnapshot) -> str:
     """The autopilot's mode by the name of its documents: `Hold`, `GUIDED`; empty while it is not known."""
     if platform.vehicle is None:

@@ -29,7 +29,8 @@ class MapVehicle(msgspec.Struct, frozen=True, kw_only=True):
     place: Place | None = None
     """None where it is unknown, or not on this map."""
     height_m: float | None = None
-    heading_deg: float = 0.0
+    heading_deg: float | None = None
+    """None where it is not known."""
     wanted: Place | None = None
     """Its position setpoint."""
     speed_m_s: float = 0.0
@@ -190,7 +191,7 @@ def _vehicle(number: int, platform: PlatformSnapshot, ground: Ground, now_s: flo
         found,
         place=None if on_map is None else _rounded(on_map[:2]),
         height_m=None if position is None or not isfinite(position[2]) else round(position[2], 1),
-        heading_deg=round(heading_deg_of(platform), 1),
+        heading_deg=None if vehicle.value.heading_deg < 0 else round(heading_deg_of(platform), 1),
         wanted=wanted,
         speed_m_s=round(vehicle.value.speed_m_s, 1),
         mode=vehicle.value.mode,

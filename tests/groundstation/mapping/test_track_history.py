@@ -202,6 +202,12 @@ def test_an_invalid_position_is_a_gap() -> None:
     assert here.track.latest[TrackChannel.ROLL] == 1.5
 
 
+def test_a_heading_that_is_not_known_is_a_gap() -> None:
+    here = Followed()
+    here.receive(msgspec.structs.replace(VEHICLE, heading_deg=-1), 10.0)
+    assert np.isnan(here.track.latest[TrackChannel.HEADING])
+
+
 def test_another_frame_begins_another_track() -> None:
     here = Followed()
     here.receive(SiteSummary(frame="hold", x_axis_bearing_deg=0.0), 0.0)

@@ -56,6 +56,19 @@ def test_a_bare_autopilot_appears_with_mode_arming_battery_and_place() -> None:
     over(play)
 
 
+def test_a_heading_that_the_autopilot_does_not_know_is_not_taken_for_north() -> None:
+    async def play(scene: Scene) -> None:
+        autopilot = Autopilot(scene.memories[0], ARDUPILOT)
+        await scene.pass_s(4.0)
+        autopilot.report("GLOBAL_POSITION_INT", lat=473977000, lon=85456000, alt=500_000, hdg=65_535)
+        await scene.pass_s(1.0)
+        vehicle = scene.platform("ardupilot-1").vehicle
+        assert vehicle is not None
+        assert vehicle.value.heading_deg == -1
+
+    over(play)
+
+
 @pytest.mark.parametrize("raised_m", [0.4, 60.0])
 def test_heights_of_a_bare_vehicle_count_from_where_its_home_is_now(raised_m: float) -> None:
     async def play(scene: Scene) -> None:

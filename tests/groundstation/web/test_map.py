@@ -58,6 +58,9 @@ async def test_the_map_has_the_vehicle_its_home_and_its_trail() -> None:
         assert picture["origin"] == pytest.approx([43.1, 9.2, 12.0])
         assert vehicle["place"] == [3.0, 4.0]
         assert (vehicle["height_m"], vehicle["heading_deg"], vehicle["is_armed"]) == (2.5, 90.0, True)
+        here.platform.fly(heading_deg=-1)
+        while (await page.message("map"))[0]["vehicles"][0]["heading_deg"] is not None:
+            pass
         while (plan := (await page.message("plan"))[0])["home"] is None:
             pass
         assert plan["home"] == [0.0, 0.0]

@@ -171,6 +171,8 @@ def attitude_lines(view: StationView, track: Track | None, width: int, height: i
         return [(Span(" no data yet", Tone.STALE),)]
     latest, is_stale = track.latest, view.now_s - track.latest_s >= STALE_S
     values = {channel: float(latest[channel]) for channel in TrackChannel}
+    for channel in (TrackChannel.HEADING, TrackChannel.WANTED_HEADING):
+        values[channel] = round(values[channel], 0) % 360.0  # 359.7 is north
     snapshot = _figures(view, values)
     lines: list[Line] = []
     room = height - len(snapshot) - 1

@@ -135,7 +135,7 @@ def _facts(view: StationView) -> list[Line]:
     else:
         vehicle = timed.value
         stale = Tone.STALE if timed.is_stale(now_s) else None
-        motion = f"{vehicle.speed_m_s:.1f} m/s, heading {vehicle.heading_deg % 360:03d}°"
+        motion = f"{vehicle.speed_m_s:.1f} m/s, heading {wording.bearing(vehicle.heading_deg)}"
         snapshot += [
             (
                 "position",

@@ -70,5 +70,5 @@ def _motion_line(platform: PlatformSnapshot | None, now_s: float) -> Line:
     armed = "ARMED" if state.is_armed else "disarmed"
     height_m = state.position_m[2]
     what = f"depth {-height_m:.1f} m" if height_m < -0.05 else f"height {height_m:.1f} m"
-    text = f"{armed}   {what}   {state.speed_m_s:.1f} m/s   heading {state.heading_deg % 360:03d}°"
+    text = f"{armed}   {what}   {state.speed_m_s:.1f} m/s   heading {wording.bearing(state.heading_deg)}"
     return (Span(text, Tone.STALE if timed.age_s(now_s) > REPORTED_S * 3.0 else Tone.STRONG),)

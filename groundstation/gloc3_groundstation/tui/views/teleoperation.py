@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 from gloc3.messages.teleoperation import EXPIRES_S, TeleoperationState
 from gloc3_groundstation.desk.teleoperation import FullSpeed
 from gloc3_groundstation.joysticks.device import StickDemand
+from gloc3_groundstation.station import wording
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone
 
@@ -93,4 +94,6 @@ def _place_line(platform: PlatformSnapshot | None, now_s: float) -> Line:
     height_m = motion.value.position_cm[2] / 100.0
     what = f"depth {-height_m:.2f} m" if height_m < -0.05 else f"height {height_m:.2f} m"
     heading = motion.value.attitude_cdeg[2] / 100.0 % 360.0
-    return (Span(f"{what}   heading {heading:03.0f}°", Tone.STALE if motion.is_stale(now_s) else Tone.STRONG),)
+    return (
+        Span(f"{what}   heading {wording.bearing(heading)}", Tone.STALE if motion.is_stale(now_s) else Tone.STRONG),
+    )

@@ -9,6 +9,7 @@ const MOST_POINTS = 20000;
 const SAME_M = 0.03;
 
 const part = (name) => document.getElementById(name);
+const degrees = (angle) => angle === null ? "–" : `${String(Math.round(angle) % 360).padStart(3, "0")}°`;
 const state = { mayCommand: true, isFollowing: false, asked: null };
 const chart = new Chart(part("chart"), choose, () => follow(false));
 const link = new StationLink(beside("map/ws"), () => ({}));
@@ -91,7 +92,7 @@ function showVehicles({ vehicles, selected: name }) {
     second.className = vehicle.is_stale ? "-stale" : "";
     second.textContent = vehicle.is_stale ? `that was ${vehicle.age_s.toFixed(0)} s ago`
       : vehicle.place === null ? "not on this map"
-      : `${vehicle.height_m ?? "–"} m  ${vehicle.speed_m_s} m/s  ${vehicle.heading_deg.toFixed(0).padStart(3, "0")}°`;
+      : `${vehicle.height_m ?? "–"} m  ${vehicle.speed_m_s} m/s  ${degrees(vehicle.heading_deg)}`;
   });
 }
 
@@ -110,7 +111,7 @@ function showCard() {
   const geo = chart.plane?.toGeo(...place);
   const where = geo ? geo.map((value) => `${value.toFixed(6)}°`).join(", ") : `north ${place[0].toFixed(1)} m, east ${place[1].toFixed(1)} m`;
   const [distance, bearing] = vehicle?.place ? away(vehicle.place, place) : [];
-  const from = vehicle?.place ? `\n${lengthText(distance)}, ${bearing.toFixed(0).padStart(3, "0")}° from ${vehicle.name}` : "";
+  const from = vehicle?.place ? `\n${lengthText(distance)}, ${degrees(bearing)} from ${vehicle.name}` : "";
   part("place").textContent = where + from;
   part("send").textContent = vehicle ? `Send ${vehicle.name} here …` : "Send it here …";
   part("send").hidden = !vehicle || !state.mayCommand;

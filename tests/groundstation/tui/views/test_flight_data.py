@@ -109,6 +109,8 @@ def test_the_values_of_now_have_units_and_what_they_should_be() -> None:
         "14.80 V  12.1 A",
     ):
         assert expected in text
+    here.move(60.0, attitude_cdeg=(0, 0, 35970))
+    assert "heading 0°" in "\n".join(texts(attitude_lines(view_of(here, 60.0), track, 31, 20)))
     assert attitude_title(view_of(here, 60.0), track) == "heron"
     assert attitude_title(view_of(here, 75.0), track) == "heron, 15 s ago"
     previous = attitude_lines(view_of(here, 75.0), track, 31, 20)

@@ -4,6 +4,7 @@ from msgspec.structs import replace
 from tests.groundstation.scripted_platform import ROWS, TASKS, VEHICLE
 
 from gloc3.messages.envelope import Severity
+from gloc3.messages.motion import MotionSummary
 from gloc3.messages.summaries import (
     ComponentLine,
     ComponentTable,
@@ -16,11 +17,13 @@ from gloc3.messages.summaries import (
 )
 from gloc3.network.rights import HeldRole, MemberRights
 from gloc3.network.rights_file import Role
+from gloc3_groundstation.desk.teleoperation import FullSpeed
+from gloc3_groundstation.joysticks.device import StickDemand
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station import fleet as reducers
 from gloc3_groundstation.station.snapshots import Fleet, LinkStatistics, PlatformSnapshot, Timed
-from gloc3_groundstation.station.wording import farewell, tenths
+from gloc3_groundstation.station.wording import bearing, farewell, tenths
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.views.chrome import Key, Tab, alert_line, keys_line, tabs_line, title_line
 from gloc3_groundstation.tui.views.components import component_lines, component_rows, components_title
@@ -28,6 +31,7 @@ from gloc3_groundstation.tui.views.events import event_lines
 from gloc3_groundstation.tui.views.fleet import control_lines
 from gloc3_groundstation.tui.views.mission.lines import mission_lines, mission_title
 from gloc3_groundstation.tui.views.overview import alert_lines, detail_lines, detail_title, vehicle_header, vehicle_line
+from gloc3_groundstation.tui.views.teleoperation import TeleoperationView, helm_lines
 from gloc3_groundstation.tui.widgets.lines import Line, Tone, bar, text_of, wrapped
 
 STATES = {"sweep": "running", "sweep.wall": "running", "depart": "done", "depart.climb": "done"}
@@ -198,6 +202,21 @@ def test_an_unknown_position_and_battery_are_said_to_be_unknown() -> None:
     lines = "\n".join(texts(detail_lines(view(flying(battery_percent=-1, is_pose_valid=False)))))
     assert "battery   not known" in lines
     assert "position unknown" in lines
+
+
+def test_a_heading_is_below_360_degrees_and_one_that_is_not_known_is_no_number() -> None:
+    assert [bearing(degrees) for degrees in (0.0, 6.6, 359.4, 359.7, -1)] == ["000°", "007°", "359°", "000°", "–"]
+    assert "heading 007°" in "\n".join(texts(detail_lines(view(flying(heading_deg=7)))))
+    assert "heading –" in "\n".join(texts(detail_lines(view(flying(heading_deg=-1)))))
+
+
+def test_a_heading_by_hand_is_below_360_degrees() -> None:
+    motion = MotionSummary(
+        t_s=0.0, attitude_cdeg=(0, 0, 35970), position_cm=(0, 0, 0), velocity_cm_s=(0, 0, 0), is_pose_valid=True
+    )
+    helm = TeleoperationView(is_begun=False, is_kept=False, sticks=StickDemand(), full=FullSpeed(), session=0)
+    lines = helm_lines(replace(PLATFORM, motion=Timed(motion, 100.0)), helm, None, 100.0)
+    assert "heading 000°" in text_of(lines[-1])
 
 
 def test_what_the_position_rests_on_is_told_with_its_quality() -> None:

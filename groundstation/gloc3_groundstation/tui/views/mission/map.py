@@ -345,7 +345,8 @@ def cursor_line(chart: Chart, place: tuple[float, float], width: int) -> Line:
     if platform is not None and position is not None:
         here = own.point(position)
         away_m = hypot(north - here[0], east - here[1])
-        bearing = f" {degrees(atan2(east - here[1], north - here[0])) % 360.0:03.0f}°" if ground.has_north else ""
+        bearing_deg = degrees(atan2(east - here[1], north - here[0])) % 360.0
+        bearing = f" {wording.bearing(bearing_deg)}" if ground.has_north else ""
         parts.append(Span(f"{away_m:.{decimals}f} m{bearing} from {platform.name}", Tone.DIM))
     while len(parts) > 2 and sum(len(part.text) + 3 for part in parts) > width:
         parts.pop()
@@ -380,7 +381,7 @@ def vehicle_lines(chart: Chart) -> list[Line]:
             x, y, height = position
             text = f"   x {wording.tenths(x)}  y {wording.tenths(y)}  h {wording.tenths(height)} m"
             lines.append((Span(text, Tone.STALE if is_stale else Tone.TEXT),))
-            motion = f"   {vehicle.speed_m_s:.1f} m/s, heading {vehicle.heading_deg % 360:03d}°"
+            motion = f"   {vehicle.speed_m_s:.1f} m/s, heading {wording.bearing(vehicle.heading_deg)}"
             lines.append((Span(motion, Tone.STALE if is_stale else Tone.DIM),))
             if is_stale and platform.vehicle is not None:
                 ago = wording.duration(platform.vehicle.age_s(chart.view.now_s))

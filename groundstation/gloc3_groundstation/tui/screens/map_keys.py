@@ -285,8 +285,7 @@ class EditableMap(StationScreen):
             height = f"{numbers[0]:g} m {request.height_name}"
             self.confirm(f"{request.question} At {height}.", "go there", lambda: self.do(send(numbers[0])))
 
-        height_m = max(request.height_m, 0.0)
-        self._prompt(f"go here: at which height {request.height_name}, m", f"{height_m:.1f}", 1, typed)
+        self._prompt(f"go here: at which height {request.height_name}, m", f"{request.height_m:z.1f}", 1, typed)
 
     def action_set_home(self) -> None:
         """Moves the home of the vehicle in view to the crosshair, after its altitude and a confirmation."""

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from tests.groundstation.flown import SITE, flown_on_the_map
 from tests.groundstation.station_scene import PLAN, TEXT, Scene, scene
 
@@ -140,6 +141,23 @@ async def test_a_vehicle_is_sent_to_the_crosshair_after_a_height_and_a_confirmat
         assert asked.capability == "go_to"
         assert len(next(iter(asked.arguments.values()))) == 3
         assert SITE.frame == "hold"
+
+
+@pytest.mark.parametrize(("height_cm", "proposed"), [(-800, "-8.0"), (-2, "0.0"), (250, "2.5")])
+async def test_the_height_that_is_proposed_is_that_of_the_vehicle_under_water_too(
+    height_cm: int, proposed: str
+) -> None:
+    async with scene(plan=None, size=(80, 24)) as here:
+        await flown_on_the_map(here, 5.0)
+        motion = here.station.fleet.platforms["heron"].motion
+        assert motion is not None
+        there = replace(motion.value, position_cm=(200, 100, height_cm))
+        here.platform.report("motion", there)
+        await here.wait(lambda: getattr(here.station.fleet.platforms["heron"].motion, "value", None) == there)
+        here.app.show_fleet()
+        await here.press("g")
+        await here.shows(TextQuestion)
+        assert (await here.field()).value == proposed
 
 
 async def test_the_wheel_zooms_about_the_mouse_and_a_drag_moves_the_map() -> None:

@@ -85,13 +85,20 @@ class PayloadDriver(ActionPerformer, ActuatorDriver[PayloadSettings]):
         self._clear()
 
     def _clear(self) -> None:
-        self._order: PayloadArguments | None = None
-        self._writes: deque[tuple[str, OutputWrite]] = deque()
-        self._is_undoing = False
-        """Whether the command under way undoes an action that has ended."""
+        self._resets: deque[tuple[str, OutputWrite]] = deque()
+        """Commands that undo actions that have ended; sent before those of the next action."""
         self._ticket: int | None = None
         self._sent_s: float | None = None
         """When the command under way was sent; None without one."""
+        self._sent_for: PayloadArguments | None = None
+        """The action of the command under way; None if it undoes one that has ended."""
+        self._clear_action()
+
+    def _clear_action(self) -> None:
+        self._order: PayloadArguments | None = None
+        self._writes: deque[tuple[str, OutputWrite]] = deque()
+        self._is_begun = False
+        """Whether a command of the action was sent."""
         self._moved_s = self._duration_s = 0.0
         self._seen_s = 0.0
         self._is_moving = False
@@ -106,9 +113,9 @@ class PayloadDriver(ActionPerformer, ActuatorDriver[PayloadSettings]):
         Raises:
             Refused: there is no such output, or a value is out of its bounds.
         """
-        self._clear()
         name, kind = _output_of(arguments)
         write, undo, duration_s = self._planned(arguments, self._output(name, kind), self.earlier_progress)
+        self._clear_action()
         self._order, self._undo, self._duration_s = arguments, undo, duration_s
         self._moved_s, self._seen_s = self.earlier_progress * duration_s, now_s
         self._writes.append((name, write))
@@ -128,10 +135,10 @@ class PayloadDriver(ActionPerformer, ActuatorDriver[PayloadSettings]):
             self._writes.append((self._order.winch, self._planned(self._order, output, share)[0]))
 
     def end_action(self, now_s: float) -> None:
-        """Undoes what must not outlast an action that was ended early."""
-        if self._order is not None and self._undo is not None:
-            self._writes.append((_output_of(self._order)[0], self._undo))
-        self._order = self._undo = None
+        """Undoes what must not outlast an action that was ended early; commands that were not sent are dropped."""
+        if self._order is not None and self._undo is not None and self._is_begun:
+            self._resets.append((_output_of(self._order)[0], self._undo))
+        self._clear_action()
 
     def stop(self) -> None:
         """Forgets the action."""
@@ -145,14 +152,21 @@ class PayloadDriver(ActionPerformer, ActuatorDriver[PayloadSettings]):
         results: list[Result] = []
         if self._sent_s is not None:
             self._follow(now_s)
-        if self._sent_s is None and self._writes:
-            name, write = self._writes.popleft()
-            self._is_undoing = self._order is None
-            self._sent_s, self.latest, self._used[name] = now_s, name, write
-            results.append(Actuation(write))
+        if self._sent_s is None and (self._resets or self._writes):
+            results.append(Actuation(self._next_write(now_s)))
         elif self._sent_s is None and self._is_moving and self.is_running:
             self._move(now_s)
         return [*results, *self.action_reports(now_s)]
+
+    def _next_write(self, now_s: float) -> OutputWrite:
+        if self._resets:
+            self._sent_for = None
+            name, write = self._resets.popleft()
+        else:
+            self._sent_for, self._is_begun = self._order, True
+            name, write = self._writes.popleft()
+        self._sent_s, self.latest, self._used[name] = now_s, name, write
+        return write
 
     def _follow(self, now_s: float) -> None:
         assert self._sent_s is not None
@@ -164,14 +178,19 @@ class PayloadDriver(ActionPerformer, ActuatorDriver[PayloadSettings]):
             reason = "this component is quiet and withholds commands"
         self._sent_s = self._ticket = None
         if answer is not None and answer.is_accepted:
-            self._is_moving, self._seen_s = self._order is not None, now_s
+            self._is_moving, self._seen_s = self._is_own(self._sent_for), now_s
             return
         self.failures += 1
-        self._undo = None
-        if self._is_undoing:
+        if self._sent_for is None:
             raise Gloc3Error(f"{self.latest} could not be reset after its action: {reason}")
-        if self.action_id:
+        if self._is_own(self._sent_for):
+            if self._used.get(self.latest) != self._undo:  # else it is tried once more
+                self._undo = None
             self.advance(now_s, self._progress, ActionState.FAILED, f"{self.latest}: {reason}")
+
+    def _is_own(self, order: PayloadArguments | None) -> bool:
+        """Whether a command belongs to the action under way, not to one that has ended."""
+        return order is not None and order is self._order
 
     def _move(self, now_s: float) -> None:
         """Counts the time that a motion takes; then the action is done, or its effect is undone first."""
@@ -181,9 +200,9 @@ class PayloadDriver(ActionPerformer, ActuatorDriver[PayloadSettings]):
             self.advance(now_s, self._progress)
             return
         order, undo = self._order, self._undo
-        if isinstance(order, SwitchOutput) and undo is not None:
+        if isinstance(order, SwitchOutput) and undo is not None and self._used.get(order.output) != undo:
             self._writes.append((order.output, undo))
-            self._undo, self._is_moving = None, False
+            self._is_moving = False
             return
         self._undo = None
         self._is_moving = False
@@ -231,7 +250,10 @@ class PayloadDriver(ActionPerformer, ActuatorDriver[PayloadSettings]):
         self._ticket = self._device.send_output(write)
 
     def make_safe(self) -> None:
-        """Brings what this component has moved into its safe state, and stops a winch."""
+        """Undoes actions that have ended, brings what this component has moved into its safe state, and stops a winch."""
+        for _, reset in self._resets:
+            self._device.send_output(reset)
+        self._resets.clear()
         for name, last in self._used.items():
             output = self.settings.outputs.get(name)
             safe = output.safe if output is not None else None

@@ -133,6 +133,79 @@ def test_a_lamp_for_a_time_goes_off_at_its_end_and_when_the_action_is_cancelled(
         assert bay.state == ("aborted" if is_cancelled else "done")
 
 
+@pytest.mark.parametrize("is_silent", [False, True])
+@pytest.mark.parametrize(
+    ("capability", "arguments", "writes"),
+    [
+        ("switch", {"output": "pump", "is_on": True, "for_s": 60.0}, [RelayWrite(3, True), RelayWrite(3, False)]),
+        ("winch", {"winch": "hoist", "length_m": 40.0}, [WinchWrite(1, 40.0, 0.25), WinchWrite(1, 0.0, 0.0)]),
+    ],
+)
+def test_a_cancelled_action_is_undone_before_the_next_one_that_starts_at_once(
+    capability: str, arguments: dict[str, Any], writes: list[OutputWrite], is_silent: bool
+) -> None:
+    bay = Bay()
+    bay.device.is_silent = is_silent
+    bay.stage.begin(capability, action_id="first", **arguments)
+    bay.run(2.0)
+    bay.stage.call("action.cancel", action_id="first")
+    with pytest.raises(Refused):
+        bay.stage.begin("grip", action_id="wrong", gripper="clow", action="grab")
+    bay.stage.begin("grip", action_id="next", gripper="claw", action="release")
+    bay.run(1.0)
+    bay.device.is_silent = False
+    bay.run(1.2)
+    assert bay.device.writes == [*writes, GripperWrite(1, False)]
+    assert (bay.stage.status.action_id, bay.state) == ("next", "done")
+
+
+def test_an_answer_to_the_command_of_an_ended_action_is_not_taken_for_that_of_the_next() -> None:
+    bay = Bay()
+    bay.device.is_silent = True
+    bay.stage.begin("set_servo", action_id="first", servo="tilt", share=0.0)
+    bay.run(1.0)
+    bay.stage.call("action.cancel", action_id="first")
+    bay.stage.begin("switch", action_id="next", output="pump", is_on=True, for_s=1.0)
+    bay.run(0.5)
+    bay.device.refusal, bay.device.is_silent = "denied", False
+    bay.stage.step(0.1)
+    bay.device.refusal = ""
+    bay.run(2.0)
+    assert bay.state == "done"
+    assert bay.device.writes[1:] == [RelayWrite(3, True), RelayWrite(3, False)]
+
+
+def test_a_command_that_was_not_sent_before_its_action_was_cancelled_is_never_sent() -> None:
+    bay = Bay()
+    bay.stage.begin("grip", gripper="claw", action="release")
+    bay.stage.call("action.cancel", action_id="go")
+    bay.stage.begin("switch", output="pump", is_on=True, for_s=5.0)
+    bay.stage.call("action.cancel", action_id="go")
+    bay.run(1.0)
+    assert bay.device.writes == []
+
+
+def test_a_driver_that_stops_before_it_has_undone_a_cancelled_action_undoes_it_as_it_stops() -> None:
+    bay = Bay()
+    bay.stage.begin("switch", output="pump", is_on=True, for_s=60.0)
+    bay.run(1.0)
+    bay.stage.call("action.cancel", action_id="go")
+    bay.driver.make_safe()
+    bay.driver.stop()
+    assert bay.device.writes == [RelayWrite(3, True), RelayWrite(3, False)]
+
+
+def test_a_lamp_whose_action_is_cancelled_while_it_goes_off_goes_off() -> None:
+    for cancelled_after_s in (1.0, 1.1, 1.2, 1.3):
+        bay = Bay()
+        bay.stage.begin("switch", output="pump", is_on=True, for_s=1.0)
+        bay.run(cancelled_after_s)
+        if bay.state == "running":
+            bay.stage.call("action.cancel", action_id="go")
+        bay.run(1.0)
+        assert bay.device.writes[1] == RelayWrite(3, False)
+
+
 def test_what_cannot_be_switched_back_after_its_action_makes_the_driver_faulty() -> None:
     bay = Bay()
     bay.stage.begin("switch", output="pump", is_on=True, for_s=5.0)
@@ -141,6 +214,19 @@ def test_what_cannot_be_switched_back_after_its_action_makes_the_driver_faulty()
     bay.stage.call("action.cancel", action_id="go")
     with pytest.raises(Gloc3Error, match="pump could not be reset after its action: denied"):
         bay.run(0.5)
+
+
+def test_a_winch_whose_stop_is_refused_fails_its_action_and_is_stopped_once_more() -> None:
+    bay = Bay()
+    bay.stage.begin("winch", winch="hoist", length_m=4.0)
+    bay.run(1.0)
+    bay.device.refusal = "busy"
+    bay.stage.call("action.pause", action_id="go")
+    bay.run(0.2)
+    bay.device.refusal = ""
+    bay.run(0.3)
+    assert (bay.state, bay.stage.status.reason) == ("failed", "hoist: busy")
+    assert bay.device.writes[1:] == [WinchWrite(1, 0.0, 0.0)] * 2
 
 
 def test_a_winch_stops_in_a_pause_runs_the_rest_after_it_and_stops_when_cancelled() -> None:

@@ -144,13 +144,17 @@ class PathFollower:
         self._now_m_s = self.waited_s = 0.0
 
     def rejoin(self, position_ned_m: Vector3) -> None:
-        """Leads the vehicle back to the point at the path's speed, and continues from there."""
+        """Leads the vehicle back to the point at the path's speed, and continues from there.
+
+        A stop that it has left begins again when it is back.
+        """
         self.halt()
-        here = self._here().position_ned_m
-        if self._index >= len(self._legs) or math.dist(here, position_ned_m) <= LEAD_M:
+        here, is_over = self._here().position_ned_m, self._index >= len(self._legs)
+        if math.dist(here, position_ned_m) <= (max(LEAD_M, self._acceptance_m) if is_over else LEAD_M):
             return
-        next_waypoint = self._legs[self._index].waypoint
+        next_waypoint = len(self._waypoints) - 1 if is_over else self._legs[self._index].waypoint
         rest = list(enumerate(self._waypoints))[next_waypoint:]
+        self._is_waiting, self._rest_s = False, 0.0
         self._lay(position_ned_m, [(next_waypoint, here), *rest])
 
     def advance(self, duration_s: float, position_ned_m: Vector3) -> PathTarget:

@@ -35,15 +35,16 @@ class PathReference:
         self._has_gap = False
         self._refusal = ""
         self._away_m = math.inf
-        self._at_end_s: float | None = None
+        self._at_end_s = 0.0
+        """Time since the end of the path was reached, without interruptions; 0 before."""
         self._calm_since_s: float | None = None
 
     def is_there(self, within_m: float) -> bool:
         """Whether the vehicle is at rest near the end of the path, or has had the time to come to rest there."""
-        if self._at_end_s is None:
+        if not self.follower.is_at_end:
             return False
         is_calm = self._calm_since_s is not None and self._last_s - self._calm_since_s >= CALM_S
-        return (is_calm and self._away_m <= within_m) or self._last_s - self._at_end_s > TIMEOUT_S
+        return (is_calm and self._away_m <= within_m) or self._at_end_s > TIMEOUT_S
 
     def advance(
         self, pose: Pose, driver: Envelope[DriverState] | None, now_s: float, *, is_waiting: bool = False
@@ -56,14 +57,14 @@ class PathReference:
             now_s: the time.
             is_waiting: whether the point waits for a reason other than the vehicle.
         """
+        duration_s, was_at_end = min(now_s - self._last_s, GAP_S), self.follower.is_at_end
         target = self._advance(pose, driver, now_s, is_waiting=is_waiting)
         if math.hypot(*pose.velocity_ned_m_s) > self._at_rest_m_s:
             self._calm_since_s = None
         elif self._calm_since_s is None:
             self._calm_since_s = now_s
         self._away_m = math.dist(pose.position_ned_m, target.position_ned_m)
-        if self.follower.is_at_end and self._at_end_s is None:
-            self._at_end_s = now_s
+        self._at_end_s = self._at_end_s + duration_s if was_at_end and self.follower.is_at_end else 0.0
         return target
 
     def _advance(
@@ -96,7 +97,6 @@ class PathReference:
         """
         if self._left_alone_s > follow_s:
             return "the autopilot does not follow our setpoints" + (f": {self._refusal}" if self._refusal else "")
-        is_late = self._at_end_s is not None and self._last_s - self._at_end_s > timeout_s
-        if is_late or self.follower.waited_s > timeout_s:
+        if self._at_end_s > timeout_s or self.follower.waited_s > timeout_s:
             return f"the vehicle does not come to waypoint {self.follower.waypoint + 1}"
         return ""

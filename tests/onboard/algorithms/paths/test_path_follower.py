@@ -198,6 +198,22 @@ def test_after_a_pause_the_vehicle_comes_back_to_where_it_left_the_way_at_the_wa
     assert travelled_m < flight.follower.length_m
 
 
+def test_a_vehicle_that_was_taken_away_from_a_stop_comes_back_at_once_and_stops_there() -> None:
+    first = (2.0, 0.0, -2.0)
+    flight = Flight([first, (2.0, 4.0, -2.0)], hold_s=10.0)
+    while flight.at != pytest.approx(first):
+        flight.step()
+    for _ in range(40):
+        flight.step()
+    flight.at = (2.0, -3.0, -2.0)
+    flight.follower.rejoin(flight.at)
+    begin = len(flight.places)
+    flight.to_end()
+    places = flight.places[begin:]
+    assert sum(place == pytest.approx((2.0, -3.0, -2.0), abs=0.01) for place in places) * STEP_S < 1.0
+    assert sum(place == pytest.approx(first) for place in places) * STEP_S == pytest.approx(10.0, abs=0.5)
+
+
 def test_a_short_way_off_it_only_begins_again_from_rest() -> None:
     flight = Flight([(6.0, 0.0, -2.0)])
     for _ in range(60):

@@ -234,6 +234,22 @@ def test_a_pause_is_gone_on_with(is_on_the_way: bool) -> None:
         assert len(rig.requested) == requested + 1
 
 
+def test_a_pause_over_the_landing_place_does_not_count_as_waiting_for_the_vehicle() -> None:
+    rig = Rig()
+    rig.speed_m_s = 0.4
+    rig.stage.begin("land", at_ned_m=(1.0, 0.0, 0.0))
+    while rig.at[0] < 1.0:
+        rig.run(0.05)
+    rig.run(1.0)
+    assert rig.requested == []
+    rig.stage.call("action.pause", action_id="go")
+    rig.run(60.0)
+    rig.stage.call("action.resume", action_id="go")
+    rig.run(4.0)
+    assert rig.stage.status.state == "running"
+    assert rig.requested
+
+
 def test_on_the_ground_there_is_nothing_to_do() -> None:
     rig = Rig()
     rig.autopilot = standing()

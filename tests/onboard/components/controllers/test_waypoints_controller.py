@@ -202,6 +202,44 @@ def test_a_pause_streams_nothing_and_a_resume_goes_on_from_where_it_left_the_way
     assert rig.until_ended().state == "done"
 
 
+def paused_at_the_end(*, hold_s: float = 0.0, restless_m_s: float = 0.5) -> Rig:
+    rig = Rig()
+    rig.velocity = (restless_m_s, 0.0, 0.0)
+    rig.begin(((1.0, 0.0, -2.0),), hold_s=hold_s)
+    rig.run(3.0)
+    assert (rig.stage.status.state, rig.stage.status.progress) == ("running", 1.0)
+    rig.stage.call("action.pause", action_id="go")
+    rig.run(30.0)
+    return rig
+
+
+def test_a_pause_at_the_last_waypoint_does_not_count_as_waiting_for_the_vehicle() -> None:
+    rig = paused_at_the_end()
+    rig.stage.call("action.resume", action_id="go")
+    rig.run(1.0)
+    assert rig.stage.status.state == "running"
+    rig.run(2.5)
+    assert (rig.stage.status.state, rig.stage.status.reason) == ("done", "")
+
+
+@pytest.mark.parametrize("hold_s", [0.0, 20.0])
+def test_a_vehicle_that_was_taken_away_from_the_last_waypoint_in_a_pause_flies_back_at_the_ways_speed(
+    hold_s: float,
+) -> None:
+    rig = paused_at_the_end(hold_s=hold_s)
+    rig.velocity = (0.0, 0.0, 0.0)
+    rig.at = (1.0, 8.0, -2.0)
+    rig.stage.call("action.resume", action_id="go")
+    resumed_s = rig.stage.now_s
+    while rig.stage.status.state in ("paused", "running") and rig.stage.now_s < resumed_s + 60.0:
+        before = rig.at
+        rig.run(STEP_S)
+        assert math.dist(before, rig.at) <= 1.0 * STEP_S + 1e-6
+    assert rig.stage.status.state == "done"
+    assert rig.stage.now_s - resumed_s == pytest.approx(8.0 + hold_s, abs=1.5)
+    assert math.dist(rig.at, (1.0, 0.0, -2.0)) < 0.01
+
+
 def test_a_cancelled_action_is_silent_at_once() -> None:
     rig = Rig()
     rig.begin()

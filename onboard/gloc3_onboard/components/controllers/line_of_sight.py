@@ -20,6 +20,8 @@ from gloc3_onboard.components.controllers.waypoint_performer import WaypointPerf
 
 DRIVER_S: Final = 0.5
 """Age above which the driver's state is ignored, s."""
+GAP_S: Final = 0.5
+"""Interruption after which a vehicle that has left the waypoint where it rested goes back to it, s."""
 PAST_M: Final = 0.1
 """Distance beyond a waypoint, along the path, at which it is passed, m."""
 MISSES: Final = 2
@@ -84,11 +86,12 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
 
     def _reset(self, now_s: float) -> None:
         self._start_ned_m: Vector3 = (0.0, 0.0, 0.0)
-        self._last_s = now_s
+        self._last_s = self._guided_s = now_s
         self._now_m_s = self._alone_s = self._length_m = 0.0
         self._nearest_m, self._nearer_s = math.inf, now_s
         self._misses, self.drift_m_s = 0, 0.0
-        self._resting_since_s: float | None = None
+        self._rested_s: float | None = None
+        """Time at a waypoint where it stops, without interruptions; None under way."""
         self._refusal = ""
 
     def stop(self) -> None:
@@ -146,6 +149,8 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
             self._nearer_s = now_s
         elif self._pose is not None and self._pose.is_valid:
             is_guided = self._is_guided(inbox.latest(self.driver), duration_s, now_s)
+            if is_guided:
+                self._rejoin(self._order, self._pose.position_ned_m, now_s)
             results.append(self._steer(self._order, self._pose, now_s, min(duration_s, 0.1) if is_guided else 0.0))
         return [*results, *self.action_reports(now_s)]
 
@@ -158,6 +163,16 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
             self._nearer_s, self._now_m_s = now_s, 0.0
         return is_guided
 
+    def _rejoin(self, order: FollowWaypointsOrder, here_ned_m: Vector3, now_s: float) -> None:
+        """After an interruption, returns to the waypoint where it rested if it is there no longer."""
+        is_back, self._guided_s = now_s - self._guided_s > GAP_S, now_s
+        if not is_back:
+            return
+        self._nearest_m = math.inf
+        away_m = math.dist(order.waypoints_ned_m[self.waypoint][:2], here_ned_m[:2])
+        if self._rested_s is not None and away_m > order.acceptance_m:
+            self._head_for(self.waypoint, here_ned_m, now_s)
+
     def _head_for(self, waypoint: int, start: Vector3, now_s: float) -> None:
         """Makes another waypoint the next."""
         assert self._order is not None
@@ -166,7 +181,7 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         self._guide.follow(start, target, keeps_drift=abs(wrap_pi(course - before)) < STRAIGHT_ON_RAD)
         self._start_ned_m, self._length_m = start, math.dist(start[:2], target[:2])
         self.waypoint, self._nearest_m, self._nearer_s = waypoint, math.inf, now_s
-        self._resting_since_s = None
+        self._rested_s = None
 
     def _steer(self, order: FollowWaypointsOrder, pose: Pose, now_s: float, duration_s: float) -> Setpoint:
         settings, place = self.settings, order.waypoints_ned_m[self.waypoint]
@@ -174,23 +189,25 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         guidance = self._guide.update(pose.position_ned_m, ahead_m, duration_s)
         self.cross_track_m, self.crab_m, self.left_m = guidance.cross_track_m, self._guide.crab_m, guidance.left_m
         away_m = math.dist(place[:2], pose.position_ned_m[:2])
-        if away_m < self._nearest_m - 0.5 or self._resting_since_s is not None:
+        if self._rested_s is not None:
+            self._rested_s += duration_s
+        if away_m < self._nearest_m - 0.5 or self._rested_s is not None:
             self._nearest_m, self._nearer_s = min(away_m, self._nearest_m), now_s
         action_id, problem = self.action_id, self._problem(now_s)
         is_last = self.waypoint == len(order.waypoints_ned_m) - 1
         if problem:
             self.advance(now_s, self._progress(order), ActionState.FAILED, f"{problem} ({away_m:.1f} m away)")
             return Setpoint(action_id=action_id, velocity_ned_m_s=(0.0, 0.0, 0.0))
-        if self._resting_since_s is None and self._is_passed(order, away_m, guidance.left_m):
+        if self._rested_s is None and self._is_passed(order, away_m, guidance.left_m):
             if is_last or order.rest_s > 0.0:
-                self._resting_since_s = now_s
+                self._rested_s = 0.0
             else:
                 self._head_for(self.waypoint + 1, place, now_s)
-        elif self._resting_since_s is None and guidance.left_m < -max(order.acceptance_m, 1.0):
+        elif self._rested_s is None and guidance.left_m < -max(order.acceptance_m, 1.0):
             self._misses += 1
             self._head_for(self.waypoint, pose.position_ned_m, now_s)
-        if self._resting_since_s is not None:
-            return self._remainder(order, pose, place, now_s, is_last=is_last)
+        if self._rested_s is not None:
+            return self._remainder(order, pose, place, now_s, self._rested_s, is_last=is_last)
         self.advance(now_s, self._progress(order), achieved=self.waypoint)
         wanted = slowed_m_s(
             order.speed_m_s, guidance.left_m, self._end_m_s(order), BRAKING_SHARE * settings.acceleration_m_s2
@@ -214,12 +231,10 @@ class LineOfSightController(WaypointPerformer, Controller[LineOfSightSettings]):
         return wrap_pi(heading_rad)
 
     def _remainder(
-        self, order: FollowWaypointsOrder, pose: Pose, place: Vector3, now_s: float, *, is_last: bool
+        self, order: FollowWaypointsOrder, pose: Pose, place: Vector3, now_s: float, rested_s: float, *, is_last: bool
     ) -> Setpoint:
         """At a waypoint where it stops."""
-        assert self._resting_since_s is not None
-        self._now_m_s = 0.0
-        rested_s, action_id = now_s - self._resting_since_s, self.action_id
+        self._now_m_s, action_id = 0.0, self.action_id
         if rested_s >= order.rest_s and not is_last:
             self._head_for(self.waypoint + 1, place, now_s)
         elif rested_s >= order.rest_s:

@@ -109,6 +109,71 @@ def test_a_pause_keeps_the_way_and_a_restart_takes_it_up_where_it_was() -> None:
     assert again.until_ended().state == "done"
 
 
+@pytest.mark.parametrize("waypoints", [LEGS, LEGS[:1]])
+@pytest.mark.parametrize("cause", ["pause", "autopilot", "pose"])
+def test_an_interrupted_stop_goes_on_where_it_was_and_the_interruption_does_not_count(
+    waypoints: tuple[Vector3, ...], cause: str
+) -> None:
+    boat = Boat()
+    boat.begin(waypoints, hold_s=20.0)
+    stop_at(boat, 5.0)
+    interrupt(boat, cause, 25.0)
+    here = boat.at
+    boat.run(13.0)
+    assert (boat.at, boat.stage.status.state) == (here, "running")
+    boat.run(3.0)
+    assert boat.at != here if len(waypoints) > 1 else boat.stage.status.state == "done"
+
+
+def test_a_boat_that_was_taken_away_from_its_stop_goes_back_to_it_and_stops_there() -> None:
+    boat = Boat()
+    boat.begin(LEGS[:1], hold_s=20.0)
+    stop_at(boat, 5.0)
+    boat.stage.call("action.pause", action_id="go")
+    boat.run(30.0)
+    boat.at = (30.0, 150.0)
+    boat.track.clear()
+    boat.stage.call("action.resume", action_id="go")
+    resumed_s = boat.stage.now_s
+    assert boat.until_ended(300.0).state == "done"
+    assert math.dist(boat.at, LEGS[0][:2]) < 2.0
+    assert boat.stage.now_s - resumed_s > 150.0 / 1.5 + 20.0
+
+
+def test_a_boat_that_was_taken_far_away_from_its_way_is_given_the_time_to_come_back() -> None:
+    boat = Boat()
+    boat.begin(LEGS[:1])
+    boat.run(12.0)
+    boat.stage.call("action.pause", action_id="go")
+    boat.run(1.0)
+    boat.at = (-150.0, 0.0)
+    boat.stage.call("action.resume", action_id="go")
+    assert boat.until_ended(300.0).state == "done"
+
+
+def stop_at(boat: Boat, rested_s: float) -> None:
+    """Drives to the first waypoint, and rests there for a time."""
+    before = (math.inf, math.inf)
+    while boat.at != before or boat.at[0] < 20.0:
+        before = boat.at
+        boat.run(STEP_S)
+    boat.run(rested_s)
+
+
+def interrupt(boat: Boat, cause: str, duration_s: float) -> None:
+    if cause == "pause":
+        boat.stage.call("action.pause", action_id="go")
+        boat.run(duration_s)
+        boat.stage.call("action.resume", action_id="go")
+    elif cause == "autopilot":
+        boat.is_guided = False
+        boat.run(duration_s)
+        boat.is_guided = True
+    else:
+        for _ in range(round(duration_s / STEP_S)):
+            boat.stage.step(STEP_S, driver=DriverState(is_guided=True))
+
+
 def test_it_goes_home_straight() -> None:
     boat = Boat((0.0, 0.2))
     boat.at = (20.0, 20.0)

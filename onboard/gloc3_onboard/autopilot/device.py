@@ -192,6 +192,11 @@ class AutopilotDevice:
 
         return self._command(make)
 
+    @property
+    def contacts(self) -> int:
+        """Times that an autopilot was found, came back or restarted."""
+        return self._link.contacts
+
     def command_home(self, place_geo: tuple[float, float, float]) -> int:
         """Sends the autopilot its home position, which it cannot know without satellites."""
         latitude, longitude, altitude = place_geo

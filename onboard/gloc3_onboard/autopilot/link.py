@@ -118,6 +118,8 @@ class AutopilotLink:
             *(self.inspection, self.clock_offset.service, self._leave, self.events.ftp, self.gimbal),
         ]
         self._node = MavlinkComponent(own, services)
+        self.contacts = 0
+        """Times that an autopilot was found, came back or restarted."""
         self._requests_at_once = 0
         self._restarts = 0
         self._ticked_s = math.inf
@@ -306,6 +308,7 @@ class AutopilotLink:
     def _request_all(self, now_s: float) -> None:
         """Requests everything that we need of the autopilot."""
         target, style = self.target, self.style
+        self.contacts += 1
         self._leave.autopilot = self.gimbal.autopilot = target
         self.clock_offset.service.request(target)
         self._prearm.restart()

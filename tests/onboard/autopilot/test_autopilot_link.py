@@ -123,6 +123,7 @@ def test_after_a_restart_the_streams_and_the_origin_are_asked_for_again(off_s: f
         rig.run(10.0)
         origins = [values[0] for values in rig.requested(REQUEST_MESSAGE)].count(49.0)
         assert origins == 1, "it is known"
+        contacts = rig.device.contacts
         rig.autopilot.is_off = True
         rig.run(off_s)
         assert rig.device.state().is_connected == (off_s < 2.5)
@@ -137,6 +138,7 @@ def test_after_a_restart_the_streams_and_the_origin_are_asked_for_again(off_s: f
         assert pose.pose.origin_geo is not None
         assert [values[0] for values in rig.requested(REQUEST_MESSAGE)].count(49.0) == origins + 1
         assert "the autopilot has restarted" in rig.reported
+        assert contacts == 1 < rig.device.contacts
 
 
 def test_a_stream_that_stays_away_is_asked_for_again_and_a_refused_one_is_not() -> None:

@@ -17,12 +17,18 @@ from gloc3_onboard.sensors.devices import CommandAnswer
 ORIGIN_PERIOD_S: Final = 1.0
 HOME_S: Final = 8.0
 """Time within which an autopilot with our origin should report its home, s."""
+REPEAT_S: Final = 5.0
+"""Time between requests for a set of sources that the autopilot has not accepted, s; a missing answer is reported before."""
 _SAME_DEG: Final = 2e-7
 _SAME_M: Final = 0.01
 
 
 class PoseInput(Protocol):
     """Interface for sending an autopilot its pose. Nothing blocks."""
+
+    @property
+    def contacts(self) -> int:
+        """Times that an autopilot was found, came back or restarted: it may have dropped what it was commanded before."""
 
     def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
         """Sends a valid pose of the time `t_s`."""
@@ -122,6 +128,10 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         """Whether the autopilot lacks the source that the pose rests on."""
         self._has_it_since_s: float | None = None
         self.chosen_set, self._ticket = 0, 0
+        self._is_accepted = False
+        """Whether the autopilot has accepted the latest requested set, and has not restarted since."""
+        self._chosen_s = float("-inf")
+        self._contacts = self._device.contacts
 
     def start(self) -> None:
         """Begins with the next pose."""
@@ -184,6 +194,9 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
         answer = self._device.answer(self._ticket) if self._ticket else None
         if answer is not None:
             self._ticket, self.refusal = 0, "" if answer.is_accepted else answer.reason
+            self._is_accepted = answer.is_accepted
+        if self._device.contacts != self._contacts:
+            self._contacts, self._is_accepted = self._device.contacts, False
         quiet_s = now_s - max(self._sent_s, self._begun_s)
         if quiet_s > settings.lost_s:
             self._since_s = None
@@ -194,9 +207,11 @@ class VisionPoseDriver(ActuatorDriver[VisionPoseSettings]):
             wanted = settings.source_set if self._is_needed else settings.other_source_set
         else:
             wanted = settings.other_source_set if quiet_s > settings.lost_s else 0
-        if not wanted or wanted == self.chosen_set:
+        is_settled = self._is_accepted or now_s - self._chosen_s < REPEAT_S
+        if not wanted or (wanted == self.chosen_set and is_settled):
             return []
-        self.chosen_set = wanted
+        self.chosen_set, self._chosen_s = wanted, now_s
+        self._ticket, self._is_accepted = 0, False
         return [Actuation(ChooseSources(wanted))]
 
     def _why_not(self, pose: Pose, t_s: float) -> str:

@@ -22,6 +22,7 @@ class Device:
         self.homes: list[tuple[float, float, float]] = []
         self.sets: list[int] = []
         self.answers: dict[int, CommandAnswer] = {}
+        self.contacts = 1
 
     def send_pose(self, pose: Pose, t_s: float, attitude_std_rad: float, velocity_std_m_s: float) -> None:
         self.poses.append((pose, t_s))
@@ -176,6 +177,48 @@ def test_the_set_of_sources_is_changed_when_poses_stop_to_come_and_when_none_com
     for _ in range(10):
         fresh.step(0.2, autopilot=standing(is_armed=True))
     assert restarted.sets == [1]
+
+
+@pytest.mark.parametrize("answer", [CommandAnswer(False, "temporarily rejected"), None])
+def test_a_set_of_sources_that_is_refused_or_not_answered_is_requested_again_every_few_seconds(
+    answer: CommandAnswer | None,
+) -> None:
+    device = Device()
+    stage = Stage(VisionPoseDriver(device), VisionPoseSettings(source_set=2, other_source_set=1))
+    device.answers = {} if answer is None else {2: answer}
+    for _ in range(220):
+        stage.step(0.1, pose=pose())
+    assert device.sets == [2] * 5
+    device.answers[2] = CommandAnswer(True, "")
+    for _ in range(600):
+        stage.step(0.1, pose=pose())
+    assert device.sets == [2] * (5 if answer is None else 6)
+
+
+def test_an_autopilot_that_was_away_or_restarted_is_requested_again_to_use_the_set_of_sources() -> None:
+    device = Device()
+    device.answers[2] = CommandAnswer(True, "")
+    stage = Stage(VisionPoseDriver(device), VisionPoseSettings(source_set=2, other_source_set=1))
+    for _ in range(600):
+        stage.step(0.1, pose=pose())
+    assert device.sets == [2]
+    device.contacts += 1
+    for _ in range(600):
+        stage.step(0.1, pose=pose())
+    assert device.sets == [2, 2]
+
+
+def test_a_quiet_driver_that_resumes_requests_the_set_of_sources_within_seconds() -> None:
+    device = Device()
+    device.answers[2] = CommandAnswer(True, "")
+    stage = Stage(VisionPoseDriver(device), VisionPoseSettings(source_set=2, other_source_set=1))
+    stage.is_quiet = True
+    for _ in range(300):
+        stage.step(0.1, pose=pose())
+    stage.is_quiet = False
+    for _ in range(300):
+        stage.step(0.1, pose=pose())
+    assert device.sets == [2]
 
 
 def test_without_the_setting_the_choice_is_left_alone() -> None:

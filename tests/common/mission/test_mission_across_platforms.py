@@ -158,6 +158,58 @@ def test_skip_goes_on_without_the_lost_platform(pelican: Platform, hummingbird: 
     assert pair.pelican.state("follow") == "skipped"
 
 
+THREE = """\
+mission: three
+frame: hold
+hold_s: 1000
+platform_loss_after_s: 10
+tasks:
+  rise: {platform: pelican, actions: {climb: {take_off: {height_m: 2}}}}
+  one: {platform: hummingbird, actions: {climb: {take_off: {height_m: 2}}}}
+  two: {platform: albatross, actions: {climb: {take_off: {height_m: 2}}}}
+  back: {platform: pelican, after: [rise, one, two], actions: {home: {return_home: {}}, down: {land: {}, after: [home]}}}
+"""
+
+
+def risen(pelican: Platform, text: str) -> Rig:
+    rig = Rig(pelican, text)
+    rig.start()
+    rig.fly()
+    rig.done("rise.climb")
+    return rig
+
+
+def test_skip_goes_on_without_two_lost_platforms(pelican: Platform) -> None:
+    rig = risen(pelican, f"{THREE}on_platform_loss: skip\n")
+    rig.pass_s(10.1)
+    assert (rig.state("one"), rig.state("two"), rig.running()) == ("skipped", "skipped", ["back.home"])
+    rig = risen(pelican, f"{THREE}on_platform_loss: skip\n")
+    rig.pass_s(5)
+    rig.executor.elsewhere("albatross", ActionState.RUNNING, {"two": ActionState.RUNNING}, rig.now_s)
+    rig.pass_s(5.1)
+    assert (rig.state("one"), rig.state("two"), rig.running()) == ("skipped", "running", [])
+    rig.pass_s(5)
+    assert rig.state("two") == "skipped"
+    assert rig.running() == ["back.home"]
+
+
+def test_the_loss_of_another_platform_is_answered_although_one_is_lost_already(pelican: Platform) -> None:
+    rig = risen(pelican, THREE)
+    rig.pass_s(5)
+    rig.executor.elsewhere("albatross", ActionState.RUNNING, {"two": ActionState.RUNNING}, rig.now_s)
+    rig.pass_s(5.1)
+    assert rig.executor.policy == "hold"
+    rig.steer("resume")
+    rig.pass_s(3)
+    assert rig.executor.policy == ""
+    rig.pass_s(2)
+    assert rig.executor.policy == "hold"
+    assert "platform lost: albatross: no report for 10 s; policy: hold" in rig.log
+    rig.steer("resume")
+    rig.pass_s(300)
+    assert rig.executor.policy == "", "each loss is answered once"
+
+
 def test_continue_waits_on(pelican: Platform, hummingbird: Platform) -> None:
     pair = Pair(pelican, hummingbird, f"{TEXT}on_platform_loss: continue\n")
     looked(pair)

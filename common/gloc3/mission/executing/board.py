@@ -94,9 +94,11 @@ class PolicyManoeuvre:
 class OtherPlatform:
     """State of another platform of the mission."""
 
-    __slots__ = ("received_s", "state")
+    __slots__ = ("is_lost", "received_s", "state")
 
     def __init__(self, received_s: float) -> None:
+        self.is_lost = False
+        """It is waited for and lost, and the policy for this has been carried out."""
         self.received_s = received_s
         """Time of its last report; the start of the mission until then."""
         self.state: ActionState | None = None

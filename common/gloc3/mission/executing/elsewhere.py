@@ -51,44 +51,59 @@ def reported(board: Board, name: str, state: ActionState, tasks: Mapping[str, Ac
 
 
 def watch(board: Board, now_s: float) -> None:
-    """Detects when another platform that tasks here wait for is lost, or is back."""
+    """Detects when other platforms that tasks here wait for are lost, or are back."""
     program = board.mission
-    lost = "" if program is None or not program.is_open else _lost(board, program, now_s)
-    if (was := board.conditions.get(PolicyCondition.PLATFORM_LOST)) is not None and not lost:
+    lost = _lost(board, program, now_s) if program is not None and program.is_open else {}
+    for name, other in board.others.items():
+        other.is_lost = other.is_lost and name in lost
+    if not lost and PolicyCondition.PLATFORM_LOST in board.conditions:
         del board.conditions[PolicyCondition.PLATFORM_LOST]
         board.unanswered.pop(PolicyCondition.PLATFORM_LOST, None)
         board.report(Severity.INFO, f"{PolicyCondition.PLATFORM_LOST}: over")
-    elif program is not None and lost and was is None and program.state is ActionState.RUNNING:
-        board.conditions[PolicyCondition.PLATFORM_LOST] = lost
-        with board.because(PolicyCondition.PLATFORM_LOST.cause):
-            reactions.apply_policy(board, PolicyCondition.PLATFORM_LOST, lost, now_s)
-        if Policy(board.policies.on_platform_loss) is Policy.SKIP and not board.has_pilot:
-            _leave_out(board, program, lost, now_s)
+    new = {name: reason for name, reason in lost.items() if not board.others[name].is_lost}
+    if program is not None and new and program.state is ActionState.RUNNING:
+        _react(board, program, new, now_s)
+
+
+def _react(board: Board, program: MissionProgram, new: Mapping[str, str], now_s: float) -> None:
+    """Carries out the policy, once for each loss."""
+    reason = ", ".join(new.values())
+    for name in new:
+        board.others[name].is_lost = True
+    board.conditions[PolicyCondition.PLATFORM_LOST] = reason
+    with board.because(PolicyCondition.PLATFORM_LOST.cause):
+        reactions.apply_policy(board, PolicyCondition.PLATFORM_LOST, reason, now_s)
+    if Policy(board.policies.on_platform_loss) is Policy.SKIP and not board.has_pilot:
+        _leave_out(board, program, new, now_s)
 
 
 def due_s(board: Board) -> float:
     """When another platform counts as lost without a further report."""
     program = board.mission
-    if program is None or program.state is not ActionState.RUNNING or PolicyCondition.PLATFORM_LOST in board.conditions:
+    if program is None or program.state is not ActionState.RUNNING:
         return inf
-    received = [board.others[name].received_s for name in program.awaited() if name in board.others]
+    others = [board.others[name] for name in program.awaited() if name in board.others]
+    received = [other.received_s for other in others if not other.is_lost]
     return min(received, default=inf) + board.policies.platform_loss_after_s
 
 
-def _lost(board: Board, program: MissionProgram, now_s: float) -> str:
-    """Which platform is lost, and why; empty where none is that is waited for."""
+def _lost(board: Board, program: MissionProgram, now_s: float) -> dict[str, str]:
+    """The lost platforms that are waited for, each with the reason."""
+    lost: dict[str, str] = {}
     for name in program.awaited():
         other = board.others.get(name)
         if other is None:
             continue
         if other.state in GIVEN_UP:
-            return f"{name}: its mission is {other.state}"
-        if now_s >= other.received_s + board.policies.platform_loss_after_s:
-            return f"{name}: no report for {board.policies.platform_loss_after_s:g} s"
-    return ""
+            lost[name] = f"{name}: its mission is {other.state}"
+        elif now_s >= other.received_s + board.policies.platform_loss_after_s:
+            lost[name] = f"{name}: no report for {board.policies.platform_loss_after_s:g} s"
+    return lost
 
 
-def _leave_out(board: Board, program: MissionProgram, lost: str, now_s: float) -> None:
-    for task in program.awaited().get(lost.partition(":")[0], ()):
-        if not task.has_ended:
-            board.move(task, StateTrigger.SKIP, now_s, lost)
+def _leave_out(board: Board, program: MissionProgram, lost: Mapping[str, str], now_s: float) -> None:
+    awaited = program.awaited()
+    for name, reason in lost.items():
+        for task in awaited.get(name, ()):
+            if not task.has_ended:
+                board.move(task, StateTrigger.SKIP, now_s, reason)

@@ -210,6 +210,109 @@ def test_the_loss_of_another_platform_is_answered_although_one_is_lost_already(p
     assert rig.executor.policy == "", "each loss is answered once"
 
 
+def flown_once(pair: Pair) -> None:
+    """Both have flown the mission; then it is loaded again on the first."""
+    looked(pair)
+    pair.report()
+    pair.hummingbird.fly()
+    for target in ("follow.climb", "follow.home", "follow.down"):
+        pair.hummingbird.done(target)
+    pair.hummingbird.fly(is_airborne=False)
+    pair.report()
+    pair.pelican.done("back.home")
+    pair.pelican.done("back.down")
+    pair.pelican.fly(is_airborne=False)
+    assert (pair.pelican.state(), pair.hummingbird.state()) == ("done", "done")
+    load_again(pair.pelican)
+    pair.report()
+
+
+def load_again(rig: Rig, text: str = TEXT) -> None:
+    rig.executor.load(rig.read(text), rig.now_s)
+    rig.seen = {}
+    rig.settle()
+
+
+def test_what_another_platform_did_in_an_earlier_run_of_the_mission_does_not_count(pair: Pair) -> None:
+    flown_once(pair)
+    assert pair.pelican.state("follow") == "waiting"
+    pair.pelican.start()
+    looked(pair)
+    pair.report()
+    assert pair.pelican.running() == []
+    load_again(pair.hummingbird)
+    pair.hummingbird.start()
+    pair.report()
+    assert pair.hummingbird.running() == ["follow.climb"]
+    assert pair.pelican.running() == []
+    pair.hummingbird.fly()
+    for target in ("follow.climb", "follow.home", "follow.down"):
+        pair.hummingbird.done(target)
+    pair.report()
+    assert pair.pelican.running() == ["back.home"]
+
+
+def test_a_platform_that_does_not_load_the_mission_again_is_lost_with_that_reason(pair: Pair) -> None:
+    flown_once(pair)
+    pair.pelican.start()
+    looked(pair)
+    pair.pass_s(9)
+    assert pair.pelican.executor.policy == ""
+    pair.pass_s(2)
+    assert pair.pelican.executor.policy == "hold"
+    assert any(
+        "hummingbird: its mission is done from an earlier run; start it there" in line for line in pair.pelican.log
+    )
+    pair.pelican.steer("skip", "follow")
+    pair.pelican.steer("resume")
+    assert pair.pelican.running() == ["back.home"]
+
+
+def test_a_mission_that_was_aborted_there_in_an_earlier_run_is_no_loss_in_the_next(pair: Pair) -> None:
+    pair.report()
+    pair.hummingbird.steer("abort")
+    pair.pelican.fly()
+    pair.pelican.steer("abort")
+    pair.pelican.fly(is_airborne=False)
+    load_again(pair.pelican)
+    pair.pelican.start()
+    looked(pair)
+    pair.report()
+    assert pair.pelican.executor.policy == ""
+    load_again(pair.hummingbird)
+    pair.hummingbird.start()
+    pair.report()
+    pair.report()
+    assert (pair.pelican.state("follow"), pair.pelican.executor.policy) == ("running", "")
+
+
+def test_a_task_that_was_skipped_there_in_an_earlier_run_is_waited_for_in_the_next(pair: Pair) -> None:
+    pair.report()
+    pair.hummingbird.steer("skip", "follow")
+    looked(pair)
+    pair.report()
+    assert pair.pelican.state("follow") == "skipped"
+    for target in ("back.home", "back.down"):
+        pair.pelican.done(target)
+    pair.pelican.fly(is_airborne=False)
+    for rig in (pair.pelican, pair.hummingbird):
+        load_again(rig)
+        pair.report()
+    for rig in (pair.pelican, pair.hummingbird):
+        rig.start()
+    looked(pair)
+    assert (pair.pelican.state("follow"), pair.pelican.running()) == ("waiting", [])
+
+
+def test_an_end_that_is_reported_after_a_restart_here_counts(pair: Pair) -> None:
+    looked(pair)
+    pair.report()
+    again = pair.pelican.restart(is_airborne=True)
+    again.executor.elsewhere("hummingbird", ActionState.DONE, {"follow": ActionState.SKIPPED}, again.now_s)
+    again.steer("resume")
+    assert again.running() == ["back.home"]
+
+
 def test_continue_waits_on(pelican: Platform, hummingbird: Platform) -> None:
     pair = Pair(pelican, hummingbird, f"{TEXT}on_platform_loss: continue\n")
     looked(pair)

@@ -94,7 +94,7 @@ class PolicyManoeuvre:
 class OtherPlatform:
     """State of another platform of the mission."""
 
-    __slots__ = ("is_lost", "received_s", "state")
+    __slots__ = ("earlier", "is_lost", "received_s", "state")
 
     def __init__(self, received_s: float) -> None:
         self.is_lost = False
@@ -103,6 +103,8 @@ class OtherPlatform:
         """Time of its last report; the start of the mission until then."""
         self.state: ActionState | None = None
         """Of the mission there; None before the first report."""
+        self.earlier: ActionState | None = None
+        """How an earlier run of the mission ended there, while only this is reported."""
 
 
 class Missing(dict[str, tuple[str, ...]]):

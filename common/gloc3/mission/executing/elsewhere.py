@@ -16,6 +16,8 @@ from gloc3.mission.model.states import ActionState, StateTrigger
 
 GIVEN_UP: Final = (ActionState.FAILED, ActionState.ABORTED)
 """States of a platform's mission in which its tasks that are left never end."""
+TAKING_PART: Final = (ActionState.WAITING, ActionState.RUNNING, ActionState.PAUSED)
+"""States that show that a platform takes part in this run of the mission: it has loaded it, and not ended it."""
 
 
 def expect(board: Board, program: MissionProgram, now_s: float) -> None:
@@ -25,6 +27,9 @@ def expect(board: Board, program: MissionProgram, now_s: float) -> None:
 
 def reported(board: Board, name: str, state: ActionState, tasks: Mapping[str, ActionState], now_s: float) -> None:
     """Handles a report on another platform's part of the loaded mission.
+
+    The text is the same in each run of a mission: until the platform is seen to take part, its mission has ended in an
+    earlier run, and nothing of it counts.
 
     Args:
         board: the executor's state.
@@ -37,7 +42,13 @@ def reported(board: Board, name: str, state: ActionState, tasks: Mapping[str, Ac
     if program is None or name not in program.others:
         return
     other = board.others.setdefault(name, OtherPlatform(now_s))
-    other.received_s, other.state = now_s, state
+    if name not in program.joined and state not in TAKING_PART:
+        other.earlier = state
+        return
+    if name not in program.joined:
+        program.joined.add(name)
+        board.is_changed = True
+    other.received_s, other.state, other.earlier = now_s, state, None
     has_given_up = state in GIVEN_UP
     for task in program.tasks.values():
         if task.elsewhere != name or task.target not in tasks:
@@ -97,7 +108,10 @@ def _lost(board: Board, program: MissionProgram, now_s: float) -> dict[str, str]
         if other.state in GIVEN_UP:
             lost[name] = f"{name}: its mission is {other.state}"
         elif now_s >= other.received_s + board.policies.platform_loss_after_s:
-            lost[name] = f"{name}: no report for {board.policies.platform_loss_after_s:g} s"
+            reason = f"no report for {board.policies.platform_loss_after_s:g} s"
+            if other.earlier is not None:
+                reason = f"its mission is {other.earlier} from an earlier run; start it there, or skip its tasks here"
+            lost[name] = f"{name}: {reason}"
     return lost
 
 

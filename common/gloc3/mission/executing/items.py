@@ -214,12 +214,13 @@ class TaskRun(MissionItem):
         self.repetition = kept.repetition
 
     def adopt(self, state: ActionState, reason: str, *, is_settled: bool) -> bool:
-        """Adopts the reported state of another platform's task; one that was skipped here stays skipped.
+        """Adopts the reported state of another platform's task; one that was skipped here, with a reason, stays skipped.
 
         Returns:
             Whether anything has changed.
         """
-        if self.state is ActionState.SKIPPED or (self.state, self.is_settled) == (state, is_settled):
+        is_left_out = self.state is ActionState.SKIPPED and self.reason != ""
+        if is_left_out or (self.state, self.is_settled) == (state, is_settled):
             return False
         self.state, self.reason, self.is_settled = state, reason, is_settled
         return True
@@ -236,6 +237,17 @@ class MissionProgram(MissionItem):
         self.mission: Final = mission
         self.rows: Final = rows
         self.tasks: Final[dict[str, TaskRun]] = {task.name: TaskRun(self, task) for task in mission.tasks.values()}
+        self.joined: set[str] = set()
+        """The other platforms that were seen in it before its end there, since it was loaded."""
+
+    def snapshot(self, now_s: float) -> ItemSnapshot:
+        """What is kept of it."""
+        return structs.replace(super().snapshot(now_s), joined=sorted(self.joined))
+
+    def restore(self, kept: ItemSnapshot, now_s: float) -> None:
+        """Restores the state from a snapshot."""
+        super().restore(kept, now_s)
+        self.joined = set(kept.joined)
 
     @property
     def is_mission(self) -> bool:

@@ -28,6 +28,8 @@ class ItemSnapshot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """Of an action that the autopilot flies as a plan, in a mode that continues without the companion."""
     repetition: int = 0
     """Of a task that is repeated: the time for which it is being done."""
+    joined: list[str] = []
+    """Of a mission: the other platforms that were seen in it before its end there, since it was loaded."""
 
 
 class ProgramSnapshot(msgspec.Struct, frozen=True, kw_only=True):

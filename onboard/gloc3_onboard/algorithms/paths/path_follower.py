@@ -154,8 +154,9 @@ class PathFollower:
             return
         next_waypoint = len(self._waypoints) - 1 if is_over else self._legs[self._index].waypoint
         rest = list(enumerate(self._waypoints))[next_waypoint:]
+        here_waypoint = self.waypoint if self._is_staying else next_waypoint
         self._is_waiting, self._rest_s = False, 0.0
-        self._lay(position_ned_m, [(next_waypoint, here), *rest])
+        self._lay(position_ned_m, [(here_waypoint, here), *rest])
 
     def advance(self, duration_s: float, position_ned_m: Vector3) -> PathTarget:
         """Advances the point and returns it."""
@@ -195,7 +196,8 @@ class PathFollower:
             self._now_m_s = min(speed, leg.end_speed_m_s)
             self._index, self._on_leg_m = self._index + 1, 0.0
             if leg.is_checked:
-                self._is_waiting, self._rest_s = behind_m > self._acceptance_m, self._hold_s
+                is_waypoint = math.dist(self._here().position_ned_m, self._waypoints[leg.waypoint]) <= SAME_M
+                self._is_waiting, self._rest_s = behind_m > self._acceptance_m, self._hold_s * is_waypoint
                 self._nearest_m = behind_m
                 if self._is_staying:
                     self._now_m_s = 0.0

@@ -214,6 +214,20 @@ def test_a_vehicle_that_was_taken_away_from_a_stop_comes_back_at_once_and_stops_
     assert sum(place == pytest.approx(first) for place in places) * STEP_S == pytest.approx(10.0, abs=0.5)
 
 
+def test_a_vehicle_that_was_taken_away_between_two_stops_does_not_stop_where_it_left_the_way() -> None:
+    flight = Flight([(4.0, 0.0, -2.0), (4.0, 4.0, -2.0)], hold_s=20.0)
+    for _ in range(80):
+        flight.step()
+    left = flight.targets[-1]
+    assert 1.0 < left[0] < 3.0
+    flight.at = (left[0], 3.0, -2.0)
+    flight.follower.rejoin(flight.at)
+    flight.to_end()
+    assert flight.miss_m(left) < 0.05
+    assert sum(math.dist(place, left) < 0.1 for place in flight.places) * STEP_S < 5.0
+    assert flight.now_s == pytest.approx(40.0 + 3.0 / 0.5 + 8.0 / 0.5, abs=4.0)
+
+
 def test_a_short_way_off_it_only_begins_again_from_rest() -> None:
     flight = Flight([(6.0, 0.0, -2.0)])
     for _ in range(60):

@@ -120,8 +120,7 @@ class AutopilotLink:
         self._node = MavlinkComponent(own, services)
         self.contacts = 0
         """Times that an autopilot was found, came back or restarted."""
-        self._requests_at_once = 0
-        self._restarts = 0
+        self._requests_at_once = self._restarts = 0
         self._ticked_s = math.inf
         self._restarted_s = -math.inf
         self._timer: asyncio.TimerHandle | None = None

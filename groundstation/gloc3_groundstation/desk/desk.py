@@ -176,7 +176,7 @@ class Desk:
         plan = self.plan
         if plan is None:
             return False
-        for one in self._crew(name):
+        for one in self.crew_of(name):
             if self._is_silent(one):
                 self.queue.add(one, plan)
                 continue
@@ -198,7 +198,7 @@ class Desk:
         plan = self.plan
         if plan is None or move not in (Move.STREAM, Move.START):
             return ""
-        for one in self._crew(name):
+        for one in self.crew_of(name):
             is_sent = move is Move.STREAM or self._needs_streaming(one)
             is_asked = is_sent and (one, plan.text) not in self._far_ok
             if is_asked and (distance := far_away(plan.text, plan.title, self.station.fleet.get(one))):
@@ -208,15 +208,15 @@ class Desk:
     def allow_far(self, name: str) -> None:
         """Confirms the distance of the selected mission."""
         if self.plan is not None:
-            self._far_ok |= {(one, self.plan.text) for one in self._crew(name)}
+            self._far_ok |= {(one, self.plan.text) for one in self.crew_of(name)}
 
     def _is_silent(self, name: str) -> bool:
         """Whether a platform that was in contact is silent."""
         platform = self.station.fleet.get(name)
         return platform is not None and platform.is_quiet_link(self.station.now_s())
 
-    def _crew(self, name: str) -> tuple[str, ...]:
-        """Platforms of the selected mission: those that it names, or the one that the operator has selected."""
+    def crew_of(self, name: str) -> tuple[str, ...]:
+        """Platforms that a start of the selected mission starts: those that it names, or the one selected for it."""
         return (self.plan.platforms if self.plan is not None else ()) or (name,)
 
     async def start(self, name: str, override: str = "") -> dict[str, Follower]:
@@ -226,7 +226,7 @@ class Desk:
             name: the platform.
             override: reason to start although checks have failed; empty to refuse then.
         """
-        crew = self._crew(name)
+        crew = self.crew_of(name)
         for one in filter(self._is_silent, crew):
             text = "start: the vehicle is out of contact, and a start is never queued; u queues the mission for contact"
             self.station.note(one, Severity.ERROR, text)
@@ -256,7 +256,7 @@ class Desk:
 
     async def bring(self, name: str) -> bool:
         """Sends the selected mission as soon as the platform is ready for one."""
-        for one in self._crew(name):
+        for one in self.crew_of(name):
             missing = await flights.await_ready(self.station, one)
             if missing:
                 self.station.note(one, Severity.WARNING, f"it still lacks {', '.join(missing)}")
@@ -308,7 +308,9 @@ class Desk:
         return await self._do(name, f"emergency {verb}", work)
 
     async def order(self, names: Sequence[str], order: Order) -> list[str]:
-        """Asks the same of several vehicles at once; returns those that accepted it."""
+        """Asks the same of several vehicles at once, each crew of a mission as one; returns those that accepted it."""
+        crews = list(dict.fromkeys(self.crew_of(name) if order is Order.START else (name,) for name in names))
+        names = [name for crew in crews for name in crew]
 
         async def one(name: str) -> bool:
             match order:
@@ -319,8 +321,8 @@ class Desk:
                 case Order.START:
                     return bool(await self.start(name))
 
-        done = await asyncio.gather(*(one(name) for name in names))
-        accepted = [name for name, is_done in zip(names, done, strict=True) if is_done]
+        done = await asyncio.gather(*(one(crew[0]) for crew in crews))
+        accepted = [name for crew, is_done in zip(crews, done, strict=True) if is_done for name in crew]
         if len(names) > 1:
             others = [name for name in names if name not in accepted]
             text = f"{order}: accepted by {len(accepted)} of {len(names)}" + (

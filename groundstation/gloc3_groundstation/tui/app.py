@@ -26,11 +26,11 @@ from gloc3_groundstation.tui.dialogues.questions import (
     ABORT_QUESTION,
     FAR_QUESTION,
     LEAVE_QUESTION,
-    START_QUESTION,
     UNSAVED_QUESTION,
     EmergencyQuestion,
     TextQuestion,
     YesNoQuestion,
+    start_question,
 )
 from gloc3_groundstation.tui.help import help_for
 from gloc3_groundstation.tui.in_view import InView
@@ -262,11 +262,11 @@ class StationApp(App[End | None]):
         self.show_vehicle(message.platform)
 
     def action_move(self, name: str) -> None:
-        """Requests an action from the selected platform; confirms first if it arms the vehicle or aborts."""
+        """Requests an action from the selected platform; confirms first if it arms it, starts others, or aborts."""
         platform, move = self.platform, Move(name)
         if platform is None:
             return
-        work = partial(self.desk.make, platform.name, move)
+        work, crew = partial(self.desk.make, platform.name, move), self.desk.crew_of(platform.name)
         if move is Move.ABORT:
             question = ABORT_QUESTION.format(platform.name, self.desk.missions.after_abort(platform))
             self.confirm(question, "abort", lambda: self.do(work()))
@@ -277,8 +277,8 @@ class StationApp(App[End | None]):
                 self.action_move(name)
 
             self.confirm(FAR_QUESTION.format(distance[0].upper() + distance[1:]), "upload", allowed)
-        elif move is Move.START and not platform.is_armed:
-            question = START_QUESTION.format(self.desk.mission_to_start(platform), platform.name)
+        elif move is Move.START and (crew != (platform.name,) or not platform.is_armed):
+            question = start_question(self.desk.mission_to_start(platform), crew)
             self.confirm(question, "start", lambda: self.do(work()))
         else:
             self.do(work())

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
+import msgspec
 import pytest
 from tests.groundstation.scripted_platform import ScriptedPlatform, refused, reply_to
 
@@ -103,6 +104,22 @@ def test_an_order_goes_to_each_vehicle_of_a_selection_at_once_and_who_refused_is
         for name in stage.vehicles:
             assert [body.text for body in stage.requested(name, LoadMission)] == [PLAN.text]
             assert stage.requested(name, Steer)[-1] == Steer(verb=Verb.START)
+
+    play(steps)
+
+
+def test_a_mission_that_names_its_vehicles_starts_on_these_and_once_whichever_are_selected() -> None:
+    async def steps(stage: Stage) -> None:
+        stage.own.missions._plan = msgspec.structs.replace(PLAN, platforms=("heron", "egret"))
+        assert stage.own.crew_of("stork") == ("heron", "egret")
+        assert await stage.own.order(["stork", "egret", "heron"], Order.START) == ["heron", "egret"]
+        for name in stage.vehicles:
+            assert len(stage.requested(name, LoadMission)) == 1
+            assert stage.requested(name, Steer) == [Steer(verb=Verb.START)]
+        assert stage.reported(stage.own)[-1] == ": start: accepted by 2 of 2"
+        stage.vehicles["egret"].answer_next(Steer, refused("pose is faulty"))
+        assert await stage.own.order(["heron"], Order.START) == []
+        assert stage.reported(stage.own)[-1] == ": start: accepted by 0 of 2, not heron, egret"
 
     play(steps)
 

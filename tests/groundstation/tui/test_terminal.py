@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 from tests.groundstation.scripted_platform import ScriptedPlatform, refused
-from tests.groundstation.station_scene import Scene, scene
+from tests.groundstation.station_scene import PLAN, Scene, scene
 from textual.command import CommandPalette
 from textual.widgets import ContentSwitcher, Input, OptionList, Static
 
@@ -100,6 +100,18 @@ async def test_a_mission_is_streamed_started_paused_resumed_and_aborted_by_keys(
         await here.until("events", "abort: accepted")
         verbs = (Verb.START, Verb.START, Verb.PAUSE, Verb.RESUME, Verb.ABORT)
         assert here.requested(Steer) == [Steer(verb=verb) for verb in verbs]
+
+
+async def test_a_start_asks_about_the_vehicles_that_the_mission_names_even_where_they_are_armed() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        here.platform.fly(is_armed=True)
+        await here.until("title", "ARMED")
+        here.app.desk.missions._plan = msgspec.structs.replace(PLAN, platforms=("egret", "stork"))
+        await here.press("s")
+        await here.shows(YesNoQuestion)
+        question = getattr(here.app.screen, "_question", "")
+        assert question == "Start cargo hold on egret, stork?\nThey arm and start moving."
 
 
 @pytest.mark.sockets

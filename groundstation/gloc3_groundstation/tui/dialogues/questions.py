@@ -1,5 +1,6 @@
 """Confirmations of dangerous commands."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from textual.app import ComposeResult
@@ -12,13 +13,18 @@ from textual.widgets import Input, Static
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3_groundstation.services.actions import Action
 
-START_QUESTION: Final = "Start {} on {}?\nIt arms and starts moving."
 ABORT_QUESTION: Final = "Abort the mission of {}?\nIts actions are cancelled; {}."
 FAR_QUESTION: Final = "{}.\nUpload it all the same?"
 LEAVE_QUESTION: Final = (
     "{} is armed and controlled by this station.\nWithout it, the mission's on_link_loss policy applies."
 )
 UNSAVED_QUESTION: Final = "{} has unsaved changes. They are kept in the station's state folder."
+
+
+def start_question(mission: str, vehicles: Sequence[str]) -> str:
+    """Asks before a start, with the names of all vehicles that it starts."""
+    what = "It arms and starts moving" if len(vehicles) == 1 else "They arm and start moving"
+    return f"Start {mission} on {', '.join(vehicles)}?\n{what}."
 
 
 def choices(*keys: tuple[str, str], hint: str = "") -> Static:

@@ -14,7 +14,7 @@ from textual.widgets import Input, Label
 from gloc3.errors import Gloc3Error
 from gloc3_groundstation.desk.mission_desk import MissionDesk
 from gloc3_groundstation.missions.forms import CapabilityForm, FormError, FormField, arguments_of
-from gloc3_groundstation.tui.dialogues.questions import START_QUESTION, YesNoQuestion
+from gloc3_groundstation.tui.dialogues.questions import YesNoQuestion, start_question
 from gloc3_groundstation.tui.widgets.lines import Line, Span, Tone, cut, spread, wrapped
 from gloc3_groundstation.tui.widgets.panel import ListPanel, Panel, Row
 
@@ -124,7 +124,7 @@ class SingleAction(ModalScreen[None]):
             if answer:
                 self._begin(form.capability, arguments)
 
-        self.app.push_screen(YesNoQuestion(START_QUESTION.format(form.capability, self._platform), "do it"), answered)
+        self.app.push_screen(YesNoQuestion(start_question(form.capability, [self._platform]), "do it"), answered)
 
     def _begin(self, capability: str, arguments: dict[str, Any]) -> None:
         self._is_requesting = True

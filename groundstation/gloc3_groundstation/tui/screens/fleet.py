@@ -158,8 +158,11 @@ class FleetScreen(StationScreen):
     def action_order(self, name: str) -> None:
         """Sends an order; confirms first, with the vehicles' names, for marked vehicles or a dangerous order."""
         order, names = Order(name), self._selection()
+        is_for_marked = bool(self._selection(is_marked_only=True))
+        if order is Order.START:
+            names = list(dict.fromkeys(one for name in names for one in self.desk.crew_of(name)))
         work = partial(self.desk.order, names, order)
-        if names and (self._selection(is_marked_only=True) or order in SINGLE_VEHICLE_ORDERS):
+        if names and (is_for_marked or order in SINGLE_VEHICLE_ORDERS):
             self.confirm(QUESTIONS[order].format(", ".join(names)), order, lambda: self.do(work()))
         elif names:
             self.do(work())

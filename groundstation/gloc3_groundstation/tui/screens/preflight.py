@@ -1,11 +1,12 @@
 """Pre-flight list of the selected vehicle: the checks before every start."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from textual.app import ComposeResult
 from textual.binding import Binding
 
-from gloc3.messages.preflight import red
+from gloc3.messages.preflight import Check, red
 from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.desk.preflight_desk import CheckList
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion
@@ -21,6 +22,8 @@ LINE: Final = 56
 """Characters of each red line in the question."""
 SHOWN: Final = 4
 """Most failed checks shown in the question; the list behind it shows all."""
+SHOWN_OF_EACH: Final = 2
+"""The same of each vehicle, where several start; the list of each shows all."""
 
 
 class PreflightScreen(StationScreen):
@@ -31,7 +34,10 @@ class PreflightScreen(StationScreen):
     list, every 15 seconds while it is shown.
 
     A red line refuses the start. Follow the advice after the arrow, then refresh. Starting despite a red line needs a
-    reason, which is logged onboard with your name. Warnings and unknown lines do not refuse the start."""
+    reason, which is logged onboard with your name. Warnings and unknown lines do not refuse the start.
+
+    A mission that names several vehicles starts on all of them or on none: the override shows the red lines of each, and
+    is for all of them."""
     BINDINGS = [
         Binding("r", "refresh", "Refresh", tooltip="refreshes the list"),
         Binding("s", "app.move('start')", "Start", tooltip="the mission; uploaded first if needed"),
@@ -58,14 +64,16 @@ class PreflightScreen(StationScreen):
         if view.platform is None or checks is None:
             panel.show_rows([Row(line) for line in waiting_lines(view)], "checks")
             return
-        if view.platform.has_companion and self.is_current and self.desk.preflight.is_due(view.platform.name):
-            self.do(self.desk.preflight.refresh(view.platform.name))
+        for name in {view.platform.name, *self.desk.crew_of(view.platform.name)}:
+            known = view.fleet.get(name)
+            if known is not None and known.has_companion and self.is_current and self.desk.preflight.is_due(name):
+                self.do(self.desk.preflight.refresh(name))
         rows = [Row(*row) for row in preflight_rows(checks, panel.width - 1, has_plan=view.plan is not None)]
         if not rows:
             rows = [Row(line) for line in no_list_lines(view.platform, checks.problem, panel.width - 1)]
         panel.show_rows(rows, preflight_title(checks))
         bad = red(checks.checks)
-        style_class = bool(bad), can_start
+        style_class = bool(bad), can_start, self._is_refused(view)
         if style_class != self._style_class:
             self._style_class = style_class
             self.refresh_bindings()
@@ -76,8 +84,7 @@ class PreflightScreen(StationScreen):
         """Offers the override where a start would be refused."""
         if action == "override":
             view = self.view
-            checks = self._list(view) if view is not None and Move.START in view.moves else None
-            return True if checks is not None and red(checks.checks) else None
+            return True if view is not None and Move.START in view.moves and self._is_refused(view) else None
         if action == "refresh":
             platform = self.view.platform if self.view is not None else None
             return True if platform is not None and platform.has_companion else None
@@ -92,19 +99,31 @@ class PreflightScreen(StationScreen):
     def action_override(self) -> None:
         """Asks for the reason, then starts."""
         view = self.view
-        checks = self._list(view) if view is not None else None
-        if view is None or view.platform is None or checks is None:
+        if view is None or view.platform is None:
             return
-        name, bad = view.platform.name, red(checks.checks)
-        lines = [cut(f"✗ {check.title}: {check.finding}", LINE) for check in bad[:SHOWN]]
-        if len(bad) > SHOWN:
-            lines.append(f"and {len(bad) - SHOWN} more")
+        name, crew, lines = view.platform.name, self._crew(view), list[str]()
+        for one, checks in crew.items():
+            whose, bad = f"{one}: " * (len(crew) > 1), red(checks)
+            most = SHOWN if len(crew) == 1 else SHOWN_OF_EACH
+            lines += [cut(f"✗ {whose}{check.title}: {check.finding}", LINE) for check in bad[:most]]
+            lines += [f"{whose}and {len(bad) - most} more"] * (len(bad) > most)
+            lines += [f"{whose}its checks are not known yet"] * (not checks)
 
         def typed(reason: str | None) -> None:
             if reason:
                 self.do(self.desk.start(name, override=reason))
 
-        self.app.push_screen(TextQuestion(OVERRIDE_QUESTION.format(name, "\n".join(lines))), typed)
+        self.app.push_screen(TextQuestion(OVERRIDE_QUESTION.format(", ".join(crew), "\n".join(lines))), typed)
+
+    def _crew(self, view: StationView) -> dict[str, Sequence[Check]]:
+        """The vehicles that a start would start, each with its checks; empty ones where they are not known."""
+        crew = self.desk.crew_of(view.platform.name) if view.platform is not None else ()
+        known = {name: view.fleet.get(name) for name in crew}
+        return {name: self.desk.preflight.list_of(one).checks if one else () for name, one in known.items()}
+
+    def _is_refused(self, view: StationView) -> bool:
+        """Whether a red line of any vehicle that would start refuses the start."""
+        return any(red(checks) for checks in self._crew(view).values())
 
     def _list(self, view: StationView) -> CheckList | None:
         return self.desk.preflight.list_of(view.platform) if view.platform is not None else None

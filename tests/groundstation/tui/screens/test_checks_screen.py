@@ -1,10 +1,12 @@
 """The Checks screen by keys: the list with what to do, a refused start, and an override with a typed reason."""
 
+import msgspec
 import pytest
-from tests.groundstation.scripted_platform import CHECKS, CLOCK, LINK_LOSS
-from tests.groundstation.station_scene import scene
+from tests.groundstation.scripted_platform import CHECKS, CLOCK, LINK_LOSS, ScriptedPlatform
+from tests.groundstation.station_scene import PLAN, scene
 
 from gloc3.messages.command_interface import Preflight, Steer
+from gloc3.messages.preflight import Check, Group, Verdict
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion
 
 pytestmark = pytest.mark.sockets
@@ -41,6 +43,26 @@ async def test_a_red_line_refuses_the_start_and_an_override_starts_with_its_reas
         assert isinstance(steer, Steer)
         assert steer.override == "urgent"
         await here.wait(lambda: here.platform.mission.state == "running")
+
+
+async def test_an_override_shows_the_red_lines_of_every_vehicle_that_it_starts() -> None:
+    async with scene(None) as here:
+        other = ScriptedPlatform(here.exchange, "stork", 20)
+        other.checks = [Check(Group.AUTOPILOT, "battery", Verdict.RED, "3 %", "charge it")]
+        here.platform.speak()
+        other.speak()
+        await here.go("8")
+        await here.until("headline", "nothing is red")
+        assert here.app.base is not None
+        assert here.app.base.check_action("override", ()) is None
+        here.app.desk.missions._plan = msgspec.structs.replace(PLAN, platforms=("heron", "stork"))
+        await here.press("r")
+        await here.wait(lambda: here.app.base is not None and here.app.base.check_action("override", ()) is True)
+        await here.press("o")
+        await here.shows(TextQuestion)
+        question = getattr(here.app.screen, "_question", "")
+        assert "Start heron, stork although checks are red?" in question
+        assert "✗ stork: autopilot: battery: 3 %" in question
 
 
 async def test_without_a_reason_nothing_is_started() -> None:

@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 from tests.groundstation.desk.test_fleet_desk import SharedPlatform
-from tests.groundstation.station_scene import LINKS, ScriptedLinks, scene
+from tests.groundstation.station_scene import LINKS, PLAN, ScriptedLinks, scene
 from tests.groundstation.tui.views.test_views import PLATFORM, view
 
 from gloc3.messages.command_interface import ControlVerb, Emergency, Steer, Verb
@@ -81,6 +81,23 @@ async def test_marked_vehicles_are_ordered_together_after_a_question_that_names_
         before = len(others[0].requests)
         await here.press("p")
         await here.wait(lambda: others[0].requests[before:].count(Steer(verb=Verb.PAUSE)) == 1)
+
+
+@pytest.mark.sockets
+async def test_a_start_asks_about_the_vehicles_that_the_mission_names_whichever_are_marked() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        for number, name in enumerate(("egret", "stork")):
+            SharedPlatform(here.exchange, name, 20 + number).speak()
+        here.app.desk.missions._plan = msgspec.structs.replace(PLAN, platforms=("egret", "stork"))
+        await here.go("0")
+        await here.until("vehicles", "stork")
+        for keys in (["s"], ["M", "s"]):
+            await here.press(*keys)
+            await here.shows(YesNoQuestion)
+            assert "Start: egret, stork?" in getattr(here.app.screen, "_question", "")
+            await here.press("n")
+            await here.wait(lambda: here.app.screen is here.app.base)
 
 
 @pytest.mark.sockets

@@ -8,6 +8,7 @@ from textual.binding import Binding
 
 from gloc3.messages.command_interface import ControlVerb
 from gloc3_groundstation.desk.desk import Order
+from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion, YesNoQuestion
 from gloc3_groundstation.tui.screen import StationScreen
 from gloc3_groundstation.tui.view import StationView
@@ -84,6 +85,7 @@ class FleetScreen(StationScreen):
         super().on_mount()
         self._marked: set[str] = set()
         self._seen = ""
+        self._rests_at = ""
         self._offered: object = None
         self._kept = VehicleRows()
 
@@ -101,6 +103,8 @@ class FleetScreen(StationScreen):
         if view.platform is not None and view.platform.name != self._seen:
             self._seen = view.platform.name
             vehicles.point_at(self._seen)
+        is_in_view = view.platform is None or vehicles.chosen == view.platform.name
+        self._rests_at = vehicles.chosen if is_in_view else ""
         possible = self.desk.fleet.control_verbs(view.platform) if view.platform is not None else frozenset()
         lines = control_lines(view, possible, vehicles.width)
         control.styles.height = max(len(lines), 2) + 1
@@ -169,7 +173,7 @@ class FleetScreen(StationScreen):
 
     def action_control(self, name: str) -> None:
         """Changes control of the selected vehicle."""
-        platform, verb = self.view.platform if self.view is not None else None, ControlVerb(name)
+        platform, verb = self._selected(), ControlVerb(name)
         if platform is None:
             return
         work = self.desk.fleet.control
@@ -181,11 +185,14 @@ class FleetScreen(StationScreen):
         self.confirm(question, "take over", lambda: self.do(work(platform.name, verb)))
 
     def _selection(self, *, is_marked_only: bool = False) -> list[str]:
-        """The marked vehicles; without any, the one in view."""
-        marked = self.desk.fleet.named(self._marked)
-        if marked or is_marked_only or self.view is None or self.view.platform is None:
-            return marked
-        return [self.view.platform.name]
+        """The marked vehicles; without any, the selected one."""
+        marked, selected = self.desk.fleet.named(self._marked), self._selected()
+        return marked if marked or is_marked_only or selected is None else [selected.name]
+
+    def _selected(self) -> PlatformSnapshot | None:
+        """The vehicle in view; that under the cursor while a key has moved it and its messages are on their way."""
+        chosen = self.query_one("#vehicles", ListPanel).chosen
+        return self.moment().platform if chosen == self._rests_at else self.desk.station.fleet.get(chosen)
 
     # --- links ---
 

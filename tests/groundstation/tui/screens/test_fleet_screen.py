@@ -6,7 +6,7 @@ from tests.groundstation.desk.test_fleet_desk import SharedPlatform
 from tests.groundstation.station_scene import LINKS, PLAN, ScriptedLinks, scene
 from tests.groundstation.tui.views.test_views import PLATFORM, view
 
-from gloc3.messages.command_interface import ControlVerb, Emergency, Steer, Verb
+from gloc3.messages.command_interface import Control, ControlVerb, Emergency, Steer, Verb
 from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
@@ -98,6 +98,23 @@ async def test_a_start_asks_about_the_vehicles_that_the_mission_names_whichever_
             assert "Start: egret, stork?" in getattr(here.app.screen, "_question", "")
             await here.press("n")
             await here.wait(lambda: here.app.screen is here.app.base)
+
+
+@pytest.mark.sockets
+async def test_a_key_right_after_the_cursor_was_moved_commands_the_vehicle_under_it() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        egret = SharedPlatform(here.exchange, "egret", 20)
+        egret.speak()
+        await here.go("0")
+        await here.until("vehicles", "egret")
+        await here.until("title", "heron 1/2")
+        for key in ("down", "h", "c"):  # at once, as over a slow SSH connection
+            here.app.simulate_key(key)
+        await here.wait(lambda: any(isinstance(body, Emergency) for body in egret.requests))
+        await here.wait(lambda: egret.control == ControlState(holder="255"))
+        assert here.requested(Emergency) == here.requested(Control) == []
+        await here.until("title", "egret 2/2")
 
 
 @pytest.mark.sockets

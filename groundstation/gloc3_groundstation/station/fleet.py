@@ -175,7 +175,15 @@ def with_rights(fleet: Fleet, name: str, rights: MemberRights) -> Fleet:
 
 def without(fleet: Fleet, name: str) -> Fleet:
     """The fleet without a platform."""
-    return replace(fleet, platforms={key: platform for key, platform in fleet.platforms.items() if key != name})
+    platforms = {key: platform for key, platform in fleet.platforms.items() if key != name}
+    return replace(fleet, platforms=platforms, renamed={old: new for old, new in fleet.renamed.items() if old != name})
+
+
+def renamed(fleet: Fleet, before: str, name: str, now_s: float) -> Fleet:
+    """The fleet after a vehicle that was known by its autopilot only is known by another name, and that noted."""
+    fleet = without(fleet, before)
+    fleet = replace(fleet, renamed={**fleet.renamed, before: name})
+    return note(fleet, name, Severity.INFO, f"was shown as {before} so far", now_s)
 
 
 def _silent(platform: PlatformSnapshot, now_s: float) -> str:

@@ -431,6 +431,8 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """By router: the health of the vehicles that connect to it."""
     event_count: int = 0
     """Of all events so far, those that are no longer kept included."""
+    renamed: Mapping[str, str] = {}
+    """Names that vehicles had before their companions were heard, each with the name of the vehicle now."""
 
     def __iter__(self) -> Iterator[PlatformSnapshot]:
         return iter(self.platforms.values())

@@ -249,8 +249,7 @@ class Vehicles:
                 continue
             self._names[key] = name
             if before is not None and before not in self._names.values():
-                fleet = reducers.without(fleet, before)
-                fleet = reducers.note(fleet, name, Severity.INFO, f"was shown as {before} so far", now_s)
+                fleet = reducers.renamed(fleet, before, name, now_s)
         for name in dict.fromkeys(self._names.values()):
             best = self._route(name)
             if best is not None:

@@ -198,7 +198,8 @@ class StationApp(App[End | None]):
             self.bell()
         if base is not None:
             base.show(view)
-        possible = view.moves, min(len(view.fleet.platforms), 2), bool(view.alerts.pending)
+        others = min(len(view.fleet.platforms), 2) - (view.platform is not None)
+        possible = view.moves, others, bool(view.alerts.pending)
         if possible != self._was_possible and self.screen_stack:  # none is there any more when it ends
             self._was_possible = possible
             self.refresh_bindings()
@@ -212,7 +213,7 @@ class StationApp(App[End | None]):
         """Greys out, or hides, the keys that make no sense now."""
         match action:
             case "cycle":
-                return len(self.desk.station.fleet.platforms) > 1
+                return len(self.desk.station.fleet.platforms) > (self.platform is not None)
             case "acknowledge":
                 return bool(self.desk.alerts().pending)
             case "emergency":

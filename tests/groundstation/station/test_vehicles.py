@@ -167,6 +167,7 @@ def test_a_companion_that_comes_late_takes_the_bare_vehicles_place() -> None:
         await scene.pass_s(4.0)
         assert list(scene.station.fleet.platforms) == ["heron"]
         assert "was shown as px4-1 so far" in scene.texts()
+        assert scene.station.fleet.renamed == {"px4-1": "heron"}
         tunnel.close()
 
     over(play)

@@ -141,9 +141,10 @@ class FleetScreen(StationScreen):
     def moved(self, event: ListPanel.Moved) -> None:
         """Brings the vehicle under the cursor into view."""
         is_there = event.panel.chosen == event.key
-        if event.key and is_there and self.view is not None and self.view.platform is not None:
+        if event.key and is_there and self.view is not None:
+            in_view = self.view.platform.name if self.view.platform is not None else self._rests_at
             self._seen = event.key
-            if event.key != self.view.platform.name:
+            if event.key != in_view:
                 self.show_vehicle(event.key)
 
     # --- orders ---

@@ -39,7 +39,9 @@ def title_line(view: StationView, width: int) -> Line:
     clock: Line = (Span(f"  {wording.clock(view.now_s - view.started_s)} ", Tone.DIM),)
     alerts = _alerts(view)
     if view.platform is None:
-        name = (Span(" GLOC3", Tone.STRONG), Span(f"   station {view.station}", Tone.DIM))
+        name: Line = (Span(" GLOC3", Tone.STRONG), Span(f"   station {view.station}", Tone.DIM))
+        if view.fleet.platforms:
+            name = (*name, Span("   no vehicle in view: v shows one", Tone.WARN))
         return spread(name, (*alerts, *clock), width)
     platform = view.platform
     count = f" {view.number}/{len(view.fleet.platforms)}" if len(view.fleet.platforms) > 1 else ""

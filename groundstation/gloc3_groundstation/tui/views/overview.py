@@ -86,6 +86,8 @@ def vehicle_line(view: StationView, platform: PlatformSnapshot, width: int) -> L
 def waiting_lines(view: StationView) -> list[Line]:
     """What the station waits for, and what to do about it."""
     hints = ("Is gloc3 onboard running, and does its link lead here?", "--link udpin://0.0.0.0:14550 hears a network.")
+    if view.fleet.platforms:
+        return [EMPTY, (Span(" The selected vehicle is not heard; v shows another one."),)]
     waiting = (Span(f" Waiting for a platform on {view.waiting_for}."),)
     return [EMPTY, waiting, *((Span(f" {hint}", Tone.DIM),) for hint in hints)]
 

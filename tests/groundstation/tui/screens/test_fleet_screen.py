@@ -10,6 +10,7 @@ from gloc3.messages.command_interface import Control, ControlVerb, Emergency, St
 from gloc3.messages.summaries import ControlState
 from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.links.link_snapshot import LinkSnapshot
+from gloc3_groundstation.station.fleet import without
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.tui.dialogues.questions import TextQuestion, YesNoQuestion
 from gloc3_groundstation.tui.views.fleet import control_lines, fleet_line, link_line, rate
@@ -115,6 +116,24 @@ async def test_a_key_right_after_the_cursor_was_moved_commands_the_vehicle_under
         await here.wait(lambda: egret.control == ControlState(holder="255"))
         assert here.requested(Emergency) == here.requested(Control) == []
         await here.until("title", "egret 2/2")
+
+
+@pytest.mark.sockets
+async def test_the_cursor_selects_no_vehicle_by_itself_when_the_one_under_it_has_gone() -> None:
+    async with scene(None) as here:
+        here.platform.speak()
+        SharedPlatform(here.exchange, "egret", 20).speak()
+        await here.go("0")
+        await here.until("title", "heron 1/2")
+        await here.press("down")
+        await here.until("title", "egret 2/2")
+        here.station.change(lambda fleet, _: without(fleet, "egret"))
+        await here.until("title", "no vehicle in view: v shows one")
+        await here.still("title")
+        await here.press("h", "space")
+        assert here.requested(Emergency) == []
+        await here.press("v")
+        await here.until("title", "heron")
 
 
 @pytest.mark.sockets

@@ -136,7 +136,7 @@ class Headless:
 
     async def _contacts(self, plan: CheckedPlan, wait_s: float) -> list[str]:
         """Waits for contact with the platforms of a mission."""
-        station, named = self._station, plan.platforms or (self._platform or plan.written_for or None,)
+        station, named = self._station, flights.addressed(plan, self._platform)
         if plan.unassigned:
             named = tuple(dict.fromkeys([*plan.platforms, *self._crew.names]))
         if not named:

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from enum import StrEnum
 from typing import Final
 
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.command_interface import EmergencyVerb, Verb
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import Cause
@@ -253,6 +253,26 @@ class Desk:
         platform = self.station.fleet.get(name)
         state = platform.mission.value.state if platform is not None and platform.mission is not None else ""
         return platform is not None and (state in ENDED or not self.has_streamed(platform))
+
+    async def await_contact(self, plan: CheckedPlan, platform: str | None) -> str:
+        """Waits for contact with the platforms that a mission goes to.
+
+        Args:
+            plan: the mission.
+            platform: the one that the operator has named; None for that of the mission, else the only one in contact.
+
+        Returns:
+            The first of them; empty where several are in contact and none is named.
+        """
+        if plan.unassigned:
+            return next(iter(await flights.await_platforms(self.station)))
+        try:
+            names = [await flights.await_platform(self.station, one) for one in flights.addressed(plan, platform)]
+        except Refused as refusal:
+            text = f"{plan.title!r} is not uploaded: {refusal}, or show one with v: u uploads it there"
+            self.station.note("", Severity.ERROR, text)
+            return ""
+        return names[0]
 
     async def bring(self, name: str) -> bool:
         """Sends the selected mission as soon as the platform is ready for one."""

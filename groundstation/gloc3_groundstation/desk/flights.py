@@ -82,6 +82,11 @@ def missing(platform: PlatformSnapshot, now_s: float) -> list[str]:
     return missing
 
 
+def addressed(plan: CheckedPlan, platform: str | None) -> tuple[str | None, ...]:
+    """Platforms that a mission goes to: its tasks' ones, else `platform`, else its header's; None: the only one."""
+    return plan.platforms or (platform or plan.written_for or None,)
+
+
 async def await_platform(station: Station, name: str | None) -> str:
     """Waits for contact with the platform `name`, or with the only one. Vehicles without a companion are ignored.
 

@@ -14,10 +14,12 @@ from textual.widgets import Input, TextArea
 
 from gloc3.messages.command_interface import EmergencyVerb
 from gloc3_groundstation.announcing.announcements import Announcements
+from gloc3_groundstation.desk import flights
 from gloc3_groundstation.desk.autopilot_desk import OFFERS
 from gloc3_groundstation.desk.desk import Desk, Move
 from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.mapping.tracks import Tracks
+from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.store.configuration import Configuration, ThemeName
@@ -54,7 +56,7 @@ class Opening(msgspec.Struct, frozen=True, kw_only=True):
     """Options for opening and closing the terminal."""
 
     platform: str | None = None
-    """The selected vehicle; None for that of the last session, or the first one in contact."""
+    """The selected vehicle; None for that of the mission, else of the last session, else the first one in contact."""
     is_starting: bool = False
     """Starts the selected mission without waiting for the key."""
     is_closing: bool = False
@@ -107,11 +109,11 @@ class StationApp(App[End | None]):
         self.plugged: Final = plugged_rows(desk)
         """Screens of plug-ins."""
         self._is_monochrome = is_monochrome
-        self._in_view = InView(opening.platform, configuration.session.platform)
+        wanted = flights.addressed(desk.plan, opening.platform) if desk.plan is not None else (opening.platform,)
+        self._in_view = InView(wanted[0] if len(wanted) == 1 else opening.platform, configuration.session.platform)
         self._waiting_for = waiting_for
         self._announcements = announcements
         self._opening = opening
-        self._has_begun = desk.plan is None  # what is opened later is brought over when the operator says so
         self._was_possible: object = None
         self._tracks = Tracks()
         desk.station.listen(self._tracks.follow)
@@ -130,6 +132,8 @@ class StationApp(App[End | None]):
             self.call_after_refresh(self._open)
         self.switch_mode(last[0] if last else SCREENS[0].name)
         self.set_interval(1.0 / REFRESH_HZ, self.show_fleet)
+        if self.desk.plan is not None:  # what is opened later is brought over when the operator says so
+            self.do(self._begin(self.desk.plan))
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """The variables of the style sheet that only our themes have."""
@@ -203,11 +207,6 @@ class StationApp(App[End | None]):
         if possible != self._was_possible and self.screen_stack:  # none is there any more when it ends
             self._was_possible = possible
             self.refresh_bindings()
-        is_ours = view.platform is not None and view.platform.has_companion
-        if view.platform is not None and is_ours and not self._has_begun and self.desk.plan is not None:
-            self._has_begun = True
-            name = view.platform.name
-            self.do(self._fly(name) if self._opening.is_starting else self.desk.bring(name))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Greys out, or hides, the keys that make no sense now."""
@@ -394,7 +393,16 @@ class StationApp(App[End | None]):
         if isinstance(self.base, MissionScreen):
             await self.base.open(self._opening.opens)
 
-    async def _fly(self, name: str) -> None:
-        end = await self.desk.fly(name)
-        if self._opening.is_closing:
-            self.exit(end)
+    async def _begin(self, plan: CheckedPlan) -> None:
+        """Brings the mission of the command line to its vehicle at the first contact; starts it, if requested."""
+        name = await self.desk.await_contact(plan, self._opening.platform)
+        if self.desk.plan is not None and self.desk.plan.text != plan.text:
+            return  # the operator has another one now
+        if self.platform is not None and self.platform.name == name:
+            self.show_vehicle(name)  # it stays in view
+        if self._opening.is_starting:
+            end = await self.desk.fly(name) if name else None
+            if self._opening.is_closing:
+                self.exit(end)
+        elif name:
+            await self.desk.bring(name)

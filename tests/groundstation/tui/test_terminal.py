@@ -201,6 +201,28 @@ async def test_it_flies_by_itself_and_closes_when_the_mission_has_ended() -> Non
 
 
 @pytest.mark.sockets
+@pytest.mark.parametrize(("written_for", "receives"), [("egret", "egret"), ("", "")])
+async def test_the_mission_of_the_command_line_goes_to_its_vehicle_not_to_the_first_that_is_heard(
+    written_for: str, receives: str
+) -> None:
+    plan = msgspec.structs.replace(PLAN, written_for=written_for)
+    async with scene(plan, flies=True) as here:
+        egret = ScriptedPlatform(here.exchange, "egret", 9)
+        here.platform.speak_every(0.2)
+        egret.loop.call_later(0.5, egret.speak_every, 0.2)
+        if receives:
+            await here.wait(lambda: Steer(verb=Verb.START) in egret.requests)
+            await here.until("title", "egret")
+        else:
+            await here.wait(lambda: here.app._exit)
+            text = "'cargo hold' is not uploaded: several platforms are in contact (heron, egret): name one"
+            assert any(event.text.startswith(text) for event in here.station.fleet.events)
+            assert not any(isinstance(body, LoadMission) for body in egret.requests)
+        assert not here.requested(LoadMission), "heron was the first one"
+        egret.is_deaf = True
+
+
+@pytest.mark.sockets
 async def test_digits_and_function_keys_show_the_screens_and_only_the_one_that_is_shown_is_filled() -> None:
     async with scene(None) as here:
         here.platform.speak()

@@ -27,7 +27,7 @@ from gloc3_groundstation.plug_ins import PlugIns
 from gloc3_groundstation.shared_missions.crew_desk import CrewDesk
 from gloc3_groundstation.station import alerts
 from gloc3_groundstation.station.alerts import Alerts
-from gloc3_groundstation.station.snapshots import PlatformSnapshot
+from gloc3_groundstation.station.snapshots import FleetEvent, PlatformSnapshot
 from gloc3_groundstation.station.station import Station
 from gloc3_groundstation.store.contact_queue import ContactQueue
 
@@ -130,6 +130,10 @@ class Desk:
     def acknowledge(self, key: tuple[str, str] | None = None) -> None:
         """Acknowledges one alert, or all."""
         self._alerts = alerts.acknowledge(self._alerts, key)
+
+    def dismiss(self, refusal: FleetEvent) -> None:
+        """Ends the display of a refusal."""
+        self._alerts = alerts.dismiss(self._alerts, refusal)
 
     def moves(self, platform: PlatformSnapshot) -> frozenset[Move]:
         """Actions that make sense in the platform's present state; none for a vehicle without a GLOC3 companion."""

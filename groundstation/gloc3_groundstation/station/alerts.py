@@ -97,6 +97,8 @@ class Alerts(msgspec.Struct, frozen=True):
     all: Mapping[tuple[str, str], Alert] = {}
     events_seen: int = 0
     """Number of the last event that was evaluated."""
+    refusals_seen: int = 0
+    """Number of the last refusal that the operator has dismissed."""
 
     @property
     def pending(self) -> list[Alert]:
@@ -146,7 +148,7 @@ def update(alerts: Alerts, fleet: Fleet, now_s: float, further: Iterable[AlertCa
             found[key] = replace(alert, is_over=True, last_s=now_s)
     if found == alerts.all and fleet.event_count == alerts.events_seen:
         return alerts
-    return Alerts(_bounded(found), fleet.event_count)
+    return Alerts(_bounded(found), fleet.event_count, alerts.refusals_seen)
 
 
 def acknowledge(alerts: Alerts, key: tuple[str, str] | None = None) -> Alerts:
@@ -158,7 +160,12 @@ def acknowledge(alerts: Alerts, key: tuple[str, str] | None = None) -> Alerts:
                 continue
             alert = replace(alert, is_acknowledged=True)
         found[name] = alert
-    return Alerts(found, alerts.events_seen)
+    return Alerts(found, alerts.events_seen, alerts.refusals_seen)
+
+
+def dismiss(alerts: Alerts, refusal: FleetEvent) -> Alerts:
+    """The alerts after an operator has taken note of a refusal, and so of those before it."""
+    return replace(alerts, refusals_seen=refusal.number)
 
 
 def began(alerts: Alerts, before: Alerts, what: str) -> list[Alert]:
@@ -338,10 +345,10 @@ def is_answer(event: FleetEvent) -> bool:
     return not event.source and event.severity is Severity.ERROR
 
 
-def answer(fleet: Fleet, now_s: float) -> FleetEvent | None:
-    """The refusal that the operator has to be shown now; None where there was none lately."""
+def answer(alerts: Alerts, fleet: Fleet, now_s: float) -> FleetEvent | None:
+    """The refusal that the operator has to be shown now; None where there was none lately, or it was dismissed."""
     for event in reversed(fleet.events):
-        if now_s - event.received_s >= ANSWERED_S:
+        if now_s - event.received_s >= ANSWERED_S or event.number <= alerts.refusals_seen:
             return None
         if is_answer(event):
             return event

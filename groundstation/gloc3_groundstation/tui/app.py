@@ -21,6 +21,7 @@ from gloc3_groundstation.desk.flights import End
 from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.services.actions import Action
+from gloc3_groundstation.station.alerts import answer
 from gloc3_groundstation.station.snapshots import PlatformSnapshot
 from gloc3_groundstation.store.configuration import Configuration, ThemeName
 from gloc3_groundstation.tui.browser_driver import BrowserDriver
@@ -203,7 +204,7 @@ class StationApp(App[End | None]):
         if base is not None:
             base.show(view)
         others = min(len(view.fleet.platforms), 2) - (view.platform is not None)
-        possible = view.moves, others, bool(view.alerts.pending)
+        possible = view.moves, others, bool(view.alerts.pending), view.refusal is not None
         if possible != self._was_possible and self.screen_stack:  # none is there any more when it ends
             self._was_possible = possible
             self.refresh_bindings()
@@ -214,7 +215,8 @@ class StationApp(App[End | None]):
             case "cycle":
                 return len(self.desk.station.fleet.platforms) > (self.platform is not None)
             case "acknowledge":
-                return bool(self.desk.alerts().pending)
+                alerts, station = self.desk.alerts(), self.desk.station
+                return bool(alerts.pending) or answer(alerts, station.fleet, station.now_s()) is not None
             case "emergency":
                 is_typing = isinstance(self.focused, Input | TextArea) and not parameters
                 is_away = is_typing or isinstance(self.screen, EmergencyQuestion)
@@ -241,11 +243,15 @@ class StationApp(App[End | None]):
             self.push_screen(help_for(self.base, SCREENS))
 
     def action_acknowledge(self, is_all: bool = False) -> None:
-        """Acknowledges the alert shown, or all."""
-        pending = self.desk.alerts().pending
-        if pending:
-            self.desk.acknowledge(None if is_all else pending[0].key)
-            self.show_fleet()
+        """Acknowledges the alert shown, or all; a refusal that is shown in its place is dismissed."""
+        shown = self.base.view if self.base is not None else None
+        if shown is None:
+            return
+        if shown.refusal is not None:
+            self.desk.dismiss(shown.refusal)
+        if shown.alerts.pending and (is_all or shown.refusal is None):
+            self.desk.acknowledge(None if is_all else shown.alerts.pending[0].key)
+        self.show_fleet()
 
     def action_cycle(self, step: int) -> None:
         """Shows the next platform."""

@@ -25,7 +25,7 @@ GENERAL_KEYS: Final[list[BindingType]] = [
         priority=True,
         tooltip="the same, while typing too",
     ),
-    Binding("x", "acknowledge", "Acknowledge", tooltip="acknowledge the alert shown; X: all"),
+    Binding("x", "acknowledge", "Acknowledge", tooltip="acknowledge the alert shown, or dismiss a refusal; X: all"),
     Binding("X", "acknowledge(True)", "Acknowledge all", show=False),
     Binding("v", "cycle(1)", "Vehicle", tooltip="show the next vehicle; V: the previous one"),
     Binding("V", "cycle(-1)", "Previous vehicle", show=False),

@@ -6,8 +6,8 @@ from gloc3_groundstation.desk.desk import Move
 from gloc3_groundstation.mapping.tracks import Tracks
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.services.actions import Action
-from gloc3_groundstation.station.alerts import Alerts
-from gloc3_groundstation.station.snapshots import Fleet, PlatformSnapshot
+from gloc3_groundstation.station.alerts import Alerts, answer
+from gloc3_groundstation.station.snapshots import Fleet, FleetEvent, PlatformSnapshot
 
 
 class StationView(NamedTuple):
@@ -42,6 +42,11 @@ class StationView(NamedTuple):
     def number(self) -> int:
         """Number of the selected vehicle in the fleet, from 1; 0 before the first contact."""
         return list(self.fleet.platforms).index(self.platform.name) + 1 if self.platform is not None else 0
+
+    @property
+    def refusal(self) -> FleetEvent | None:
+        """The refusal of a request that is shown in place of an alert; None without a recent one."""
+        return answer(self.alerts, self.fleet, self.now_s)
 
     @property
     def is_in_control(self) -> bool:

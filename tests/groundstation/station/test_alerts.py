@@ -8,7 +8,7 @@ from gloc3.messages.envelope import Envelope, Severity, Source
 from gloc3.messages.software import own_software
 from gloc3.messages.summaries import ComponentLine, ComponentTrouble, Health
 from gloc3_groundstation.station import fleet as reducers
-from gloc3_groundstation.station.alerts import KEPT, Alerts, acknowledge, began, update
+from gloc3_groundstation.station.alerts import KEPT, Alerts, acknowledge, answer, began, dismiss, update
 from gloc3_groundstation.station.snapshots import Fleet, LinkStatistics, PlatformSnapshot, Timed
 
 
@@ -188,6 +188,16 @@ def test_a_refusal_of_what_the_operator_asked_for_is_an_answer_and_no_alert() ->
     assert update(Alerts(), fleet, 100.0).all == {}
     fleet = reducers.note(fleet, "", Severity.WARNING, "another station has this id", 100.0)
     assert reported(update(Alerts(), fleet, 100.0)) == [(Severity.WARNING, "another station has this id")]
+
+
+def test_a_dismissed_refusal_is_not_shown_again_and_a_new_one_is() -> None:
+    fleet, alerts = reducers.note(fleet_of(), "heron", Severity.ERROR, "start: pose is faulty", 100.0), Alerts()
+    refusal = answer(alerts, fleet, 101.0)
+    assert refusal is not None
+    alerts = update(dismiss(alerts, refusal), fleet, 101.0)
+    assert answer(alerts, fleet, 101.0) is None
+    fleet = reducers.note(fleet, "heron", Severity.ERROR, "start: pose is faulty", 102.0)
+    assert answer(update(alerts, fleet, 102.0), fleet, 102.0) == fleet.events[-1]
 
 
 def test_the_worst_comes_first_then_the_newest() -> None:

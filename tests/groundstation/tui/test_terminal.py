@@ -275,6 +275,24 @@ async def test_an_alert_stands_on_every_screen_until_it_is_acknowledged() -> Non
 
 
 @pytest.mark.sockets
+async def test_the_key_of_alerts_dismisses_a_refusal_first_and_acknowledges_only_an_alert_that_was_shown() -> None:
+    async with scene(None) as here:
+        here.platform.answer_next(Emergency, refused("the autopilot does not answer"))
+        here.platform.speak()
+        await here.until("title", "heron")
+        await here.press("space")
+        await here.until("alert", "the autopilot does not answer")
+        here.platform.fly(battery_percent=9)
+        await here.until("title", "1 alert")
+        assert "the autopilot does not answer" in here.shown("alert")
+        await here.press("x")
+        await here.until("alert", "critical: heron: battery at or below 15 %")
+        await here.press("x")
+        await here.wait(lambda: here.shown("alert") == "")
+        assert not here.app.desk.alerts().pending
+
+
+@pytest.mark.sockets
 async def test_the_palette_offers_what_can_be_done_now() -> None:
     async with scene(None) as here:
         here.platform.speak()

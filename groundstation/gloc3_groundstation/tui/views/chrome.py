@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from gloc3.messages.envelope import Severity
 from gloc3_groundstation.station import wording
-from gloc3_groundstation.station.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT, answer
+from gloc3_groundstation.station.alerts import BATTERY_CRITICAL_PERCENT, BATTERY_LOW_PERCENT
 from gloc3_groundstation.tui.view import StationView
 from gloc3_groundstation.tui.widgets.lines import EMPTY, Line, Span, Tone, cut, fitted, joined, spread, text_of
 
@@ -146,7 +146,7 @@ def tab_at(tabs: Sequence[Tab], width: int, column: int) -> Tab | None:
 
 def alert_line(view: StationView, width: int) -> Line:
     """Reason of a recent refusal, else the worst alert that is not acknowledged; empty without either."""
-    refusal = answer(view.fleet, view.now_s)
+    refusal = view.refusal
     if refusal is not None:
         whose = f"{refusal.platform}: " if refusal.platform else ""
         return (Span(cut(f" ✗ {whose}{' '.join(refusal.text.split())}", width), Tone.BAD),)

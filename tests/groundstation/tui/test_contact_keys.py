@@ -31,7 +31,7 @@ def shown(here: Scene, text: str) -> bool:
     return any(text in event.text for event in here.station.fleet.events)
 
 
-async def test_u_queues_a_mission_while_nothing_is_heard_x_takes_it_back_and_contact_sends_it() -> None:
+async def test_u_queues_a_mission_while_nothing_is_heard_delete_takes_it_back_and_contact_sends_it() -> None:
     async with scene() as here:
         here.platform.speak()
         await here.go("3")
@@ -41,8 +41,12 @@ async def test_u_queues_a_mission_while_nothing_is_heard_x_takes_it_back_and_con
         here.station.now_s = lambda: now_s() + later_s  # type: ignore[misc]
         await here.until("title", "SILENT")
         await here.press("u")
-        await here.until("position", "'cargo hold' is queued for contact, x withdraws it")
+        await here.until("position", "'cargo hold' is queued for contact, delete withdraws it")
+        await here.until("alert", "no messages from it any more")
         await here.press("x")
+        await here.wait(lambda: here.shown("alert") == "")
+        await here.until("position", "queued for contact")
+        await here.press("delete")
         await here.wait(lambda: shown(here, "'cargo hold' is withdrawn: it is not sent"))
         assert "waits" not in here.shown("position")
         await here.press("u")

@@ -65,7 +65,7 @@ class MissionScreen(StationScreen):
         Binding("o", "open", "Open", tooltip="a mission file, a plan, waypoints or an example"),
         Binding("e", "text", "Edit", tooltip="the text of the open mission, with findings"),
         Binding("u", "app.move('stream')", "Upload", tooltip="uploads the open mission"),
-        Binding("x", "withdraw", "Withdraw", show=False, tooltip="withdraws the last mission queued for contact"),
+        Binding("delete", "withdraw", "Withdraw", show=False, tooltip="withdraws the last mission queued for contact"),
         Binding("d", "single", "Do", tooltip="requests a single action outside the mission"),
         Binding("m", "other", "Other", tooltip="the mission on the vehicle, or the open one"),
         Binding("w", "save_as", "Save as", tooltip="saves under another name, or exports (.plan, .waypoints)"),
@@ -117,7 +117,7 @@ class MissionScreen(StationScreen):
             line = text_line(draft)
         waiting = self.desk.queue.of(name) if name is not None else []
         if waiting:
-            line = (*line, Span(f"  {waiting[-1].plan.title!r} is queued for contact, x withdraws it", Tone.WARN))
+            line = (*line, Span(f"  {waiting[-1].plan.title!r} is queued for contact, delete withdraws it", Tone.WARN))
         elif self.desk.crew.question is not None:
             line = (*line, Span(f"  {self.desk.crew.question.lost} has dropped out, v assigns its tasks", Tone.WARN))
         elif draft is not None and draft.outline is not None and draft.outline.unassigned and not is_loaded:
@@ -164,6 +164,8 @@ class MissionScreen(StationScreen):
                 return (self.view is not None and self.view.platform is not None) or None
             case "other":
                 return self._has_other() or None
+            case "withdraw":
+                return bool(not self._is_text and self.desk.queue.of(self._vehicle() or ""))
             case "assign":
                 return self.desk.crew.has_unassigned or self.desk.crew.question is not None
         return True

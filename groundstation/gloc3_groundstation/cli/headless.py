@@ -71,6 +71,8 @@ class Headless:
         self._waiting: list[asyncio.TimerHandle] = []
         """The commands whose time has not come."""
         self._sent: set[asyncio.Task[None]] = set()
+        self._ordered: set[str] = set()
+        """The vehicles that get the orders."""
 
     def command(self, command: ScriptCommand) -> None:
         """Has a command sent at its time after the start of the mission; at once where that is over."""
@@ -190,13 +192,17 @@ class Headless:
         wait_s: float,
         within_s: float,
     ) -> RunOutcome:
-        """Commands one vehicle; what fails is a line of it, and its outcome."""
+        """Commands one vehicle, once by whichever names; what fails is a line of it, and its outcome."""
         name = vehicle
         for number, order in enumerate(orders):
             outcome, text = RunOutcome.DONE, ""
             try:
                 if not number:
-                    name = await self._prepared(vehicle, wait_s)
+                    name = await self._found(wait_s, vehicle, flights.await_vehicle(self._station, vehicle))
+                    if name in self._ordered:
+                        break  # it has another name or its system, too, on the command line
+                    self._ordered.add(name)
+                    await self._prepare(name)
                 text = await commands.carry_out(name, order, ready_s=wait_s, within_s=within_s)
             except Gloc3Error as error:
                 outcome, text = outcome_of(error), str(error)
@@ -210,13 +216,11 @@ class Headless:
                 return outcome
         return RunOutcome.DONE
 
-    async def _prepared(self, vehicle: str, wait_s: float) -> str:
-        """Waits for contact with a vehicle, and takes control of it where that was requested; returns its name."""
-        name = await self._found(wait_s, vehicle, flights.await_vehicle(self._station, vehicle))
+    async def _prepare(self, name: str) -> None:
+        """Takes control of a vehicle where that was requested."""
         known = self._station.fleet.get(name)
         if self.is_taking_over and known is not None and known.has_companion:
             await flights.take_over(self._station, name)
-        return name
 
     def _send_due(self) -> None:
         """Sets the time of each command, once there is a mission to command."""

@@ -17,11 +17,16 @@ from gloc3.messages.command_interface import CiReply, Control, ControlVerb, Load
 from gloc3.messages.envelope import Severity
 from gloc3.messages.summaries import CiEvent, ContactSummary, ControlState, Health, MissionSummary
 from gloc3_groundstation.cli.headless import Headless
+from gloc3_groundstation.desk.desk import Desk
 from gloc3_groundstation.desk.flights import End
+from gloc3_groundstation.desk.vehicle_commands import VehicleCommand
 from gloc3_groundstation.missions.plans import CheckedPlan
 from gloc3_groundstation.reporting.lines import HealthData, ItemData, NarrationLine, ProgressData, ResultData
 from gloc3_groundstation.reporting.outcomes import RunOutcome, findings_of, outcome_of
+from gloc3_groundstation.services.actions import Action
 from gloc3_groundstation.station.command_client import CheckFailed, Declined, NotDelivered, Unanswered
+from gloc3_groundstation.station.fleet import with_platform
+from gloc3_groundstation.station.snapshots import AutopilotSnapshot, Fleet
 from gloc3_groundstation.station.station import Station
 
 PLAN = CheckedPlan(name="hold.yaml", title="cargo hold", text="mission: cargo hold\n")
@@ -281,6 +286,32 @@ def test_a_run_whose_mission_ended_out_of_contact_tells_the_summary_and_all_that
     summary = next(at for at, text in enumerate(texts) if text.startswith("contact after 20 s"))
     assert [text for text in texts if "leak" in text] == ["warning: depth: leak 1", "warning: depth: leak 2"]
     assert next(at for at, text in enumerate(texts) if "leak 2" in text) > summary
+
+
+def test_a_vehicle_that_is_named_twice_is_commanded_once() -> None:
+    lines: list[NarrationLine] = []
+
+    async def main() -> RunOutcome:
+        exchange = LocalExchange()
+        platform = ScriptedPlatform(exchange)
+        platform.speak_every(0.5)
+        station = Station(exchange, platform.loop, "255", 11)
+        autopilot = AutopilotSnapshot(link="udpin://0.0.0.0:14550", system=1, component=1, firmware="PX4")
+
+        def known(fleet: Fleet, _: float) -> Fleet:
+            return with_platform(fleet, msgspec.structs.replace(fleet.platforms["heron"], autopilot=autopilot))
+
+        platform.loop.call_later(1.0, station.change, known)
+        orders = [VehicleCommand(action=Action.ARM)]
+        try:
+            return await Headless(station, lines.append).do(
+                Desk(station).commands, ["heron", "1"], orders, wait_s=5.0, within_s=5.0
+            )
+        finally:
+            station.close()
+
+    assert run_virtual(main()) is RunOutcome.REFUSED
+    assert [line.platform for line in lines if line.kind == "order"] == ["heron"]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from math import nan
+from math import inf, isfinite, nan
 from typing import Any, Final, NamedTuple
 
 from msgspec.structs import replace
@@ -336,7 +336,8 @@ class MavlinkCamera:
             return CommandResult.ACCEPTED
         is_capture = request.command == REQUEST_MESSAGE and first == codec.shape("CAMERA_IMAGE_CAPTURED").id
         if request.command == IMAGE_AGAIN or is_capture:
-            message = self._captured.get(int(second if is_capture else first))
+            index = second if is_capture else first
+            message = self._captured.get(int(index)) if isfinite(index) else None
             if message is None:
                 raise Refused("that picture is not known")
             self._sending.append(message)
@@ -349,8 +350,10 @@ class MavlinkCamera:
 
     def _start(self, request: MavCommandRequest) -> None:
         interval_s, total = request.params[1], request.params[2]
-        if not (total >= 0.0 and total == int(total)) or not interval_s >= 0.0:
-            raise Refused("the number of pictures and the interval must be 0 or more")
+        if not (0.0 <= total <= MOST_PICTURES and total == int(total)):
+            raise Refused(f"the number of pictures must be a whole number from 0 to {MOST_PICTURES}")
+        if not 0.0 <= interval_s < inf:
+            raise Refused("the interval must be 0 s or more")
         if total == 0.0 and interval_s == 0.0:
             raise Refused("pictures without end need an interval")
         if self._order is not None:

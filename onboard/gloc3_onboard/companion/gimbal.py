@@ -170,10 +170,10 @@ class GimbalManager(Microservice[Never]):
     def _pitch_yaw(self, request: MavCommandRequest) -> None:
         pitch, yaw, pitch_rate, yaw_rate, flags, _, device = request.params
         if request.is_int:  # the flags are a whole number there, not degrees
-            flags = round(flags * units_per_degree(request.frame))
+            flags *= units_per_degree(request.frame)
         self._check_device(device)
         angles = tuple(radians(value) for value in (pitch, yaw, pitch_rate, yaw_rate))
-        self._demand(request.sender, **_directed(*angles, flags=int(flags) if isfinite(flags) else 0))
+        self._demand(request.sender, **_directed(*angles, flags=round(flags) if isfinite(flags) else 0))
 
     def _point_at(self, request: MavCommandRequest) -> None:
         latitude, longitude, altitude_m = request.params[4:7]

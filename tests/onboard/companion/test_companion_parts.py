@@ -14,13 +14,15 @@ from gloc3.camera.model import CameraModel
 from gloc3.clock import Clock, VirtualLoop
 from gloc3.component.context import HostContext
 from gloc3.errors import InputError
-from gloc3.exchange import LocalExchange
+from gloc3.exchange import LocalExchange, Publisher
 from gloc3.mavlink import codec
 from gloc3.mavlink.codec import MavlinkMessage
 from gloc3.mavlink.message import Address, Field
+from gloc3.mavlink.services.command import CommandResult
 from gloc3.mavlink.services.plan import PlanItem, PlanResult
 from gloc3.messages.frames import GeoPoint
 from gloc3.messages.topics import TopicTable
+from gloc3.messages.vehicle import GimbalState
 from gloc3.mission.checking.checker import Circumstances, check_text
 from gloc3.mission.formats import to_mission
 from gloc3.mission.formats.items import FenceArea
@@ -227,6 +229,40 @@ def test_a_camera_with_a_stream_says_where_it_is() -> None:
     stream = found["VIDEO_STREAM_INFORMATION"]
     assert (stream.stream_id, stream.count, stream.type, stream.uri) == (1, 1, 0, STREAM)
     assert found["VIDEO_STREAM_STATUS"].flags == 1
+    companion.close()
+    loop.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("COMMAND_LONG", {"target_component": 100, "command": 512, "param1": 263.0, "param2": math.nan}),
+        ("COMMAND_LONG", {"target_component": 100, "command": 2002, "param1": math.inf}),
+        ("COMMAND_LONG", {"target_component": 100, "command": 2000, "param2": 1.0, "param3": math.inf}),
+        ("COMMAND_LONG", {"target_component": 100, "command": 2000, "param2": 1.0, "param3": 1e30}),
+        ("COMMAND_LONG", {"target_component": 100, "command": 2000, "param2": math.inf, "param3": 2.0}),
+        ("COMMAND_INT", {"target_component": 191, "command": 1000, "frame": 2, "x": 0x7FFF_FFFF}),
+    ],
+)
+def test_a_command_with_a_value_that_is_not_set_is_refused_and_the_next_one_is_answered(
+    name: str, fields: dict[str, Any]
+) -> None:
+    loop, exchange = VirtualLoop(), LocalExchange()
+    context = HostContext("pelican", exchange, Clock(loop), loop, TopicTable(), Random(1))
+    companion = Companion(COMPANION, load_platform("pelican"), context, Rights("pelican"))
+    companion.add_cameras([CameraEntry(100, "ground", "record_images")], "pelican", exchange)
+    companion.add_gimbal("pelican", exchange, 1)
+    gimbal = GimbalState(device=154, owner_system=255, owner_component=190)
+    Publisher(exchange, "pelican", "gimbal", 1).publish("pelican/gimbal", gimbal, 0.0)
+    acks: list[int] = []
+    receive = companion.attach(
+        lambda message, _: acks.append(message.result) if message.name == "COMMAND_ACK" else None
+    )
+    for sender in (254, 253):
+        command = codec.Encoder(sender, 190).encode(codec.message(name, target_system=1, **fields))
+        receive(codec.Parser().receive(command))
+        loop.run_until_complete(asyncio.sleep(0.1))
+    assert acks == [CommandResult.DENIED, CommandResult.DENIED]
     companion.close()
     loop.close()
 

@@ -4,9 +4,11 @@ import asyncio
 import fcntl
 import os
 import pty
+import select
 import socket
 import termios
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -20,6 +22,8 @@ from gloc3.mavlink.transport.udp import UdpServerEndpoint, senders_in
 pytestmark = pytest.mark.sockets
 
 RATE_NAMES = {f"B{digit}" for digit in range(1, 10)}
+STUCK_BYTES = 65536
+"""More than a line without a reader accepts."""
 FRAMES = [codec.Encoder(1, 1).encode(codec.message("ATTITUDE", time_boot_ms=n)) for n in range(1, 4)]
 
 
@@ -297,3 +301,59 @@ async def test_a_line_with_flow_control_that_nobody_lets_flow_says_so(
     finally:
         os.close(master)
         os.close(slave)
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, str]]:
+    """The other end of a line, and the name of this one."""
+    master, slave = pty.openpty()
+    os.set_blocking(master, False)
+    yield master, os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+async def read_until(master: int, wanted: bytes) -> bytes:
+    """What the other end of a line receives up to some bytes."""
+    received = b""
+    async with asyncio.timeout(60):
+        while not received.endswith(wanted):
+            with suppress(BlockingIOError):
+                received += os.read(master, 65536)
+            await asyncio.sleep(0.005)
+    return received
+
+
+async def test_a_frame_that_has_waited_for_a_stuck_line_is_not_sent_late(
+    terminal: tuple[int, str], opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    master, device = terminal
+    monkeypatch.setattr(serial_line, "WRITE_TIMEOUT_S", 0.5)
+    endpoint, _ = await opener(f"serial://{device}:921600")
+    await until(lambda: endpoint.is_connected)
+    monkeypatch.setattr(serial_line, "WRITE_TIMEOUT_S", 0.2)
+    endpoint.send(bytes(STUCK_BYTES))
+    endpoint.send(FRAMES[0])
+    await until(lambda: endpoint.dropped > 0)
+    endpoint.send(FRAMES[1])
+    received = await read_until(master, FRAMES[1])
+    assert FRAMES[0] not in received
+    assert endpoint.dropped == 2
+    assert len(received) < 8192, "what the kernel holds for the line is discarded, too"
+
+
+async def test_a_stuck_line_keeps_the_newest_frames(
+    terminal: tuple[int, str], opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    master, device = terminal
+    monkeypatch.setattr(serial_line, "WRITE_TIMEOUT_S", 60.0)
+    monkeypatch.setattr(serial_line, "WAITING_FRAMES", 2)
+    endpoint, _ = await opener(f"serial://{device}:921600")
+    await until(lambda: endpoint.is_connected)
+    endpoint.send(bytes(STUCK_BYTES))
+    await asyncio.to_thread(select.select, [master], [], [])
+    for frame in FRAMES:
+        endpoint.send(frame)
+    assert endpoint.dropped == 1
+    received = await read_until(master, FRAMES[2])
+    assert received.endswith(bytes(10) + FRAMES[1] + FRAMES[2])

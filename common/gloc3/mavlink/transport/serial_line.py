@@ -6,6 +6,7 @@ import asyncio
 import errno
 import os
 import queue
+import termios
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -56,9 +57,10 @@ class BaudSearch:
 READ_TIMEOUT_S: Final = 0.1
 REOPEN_S: Final = 1.0
 WRITE_TIMEOUT_S: Final = 1.0
+LONGEST_FRAME_BYTES: Final = 280
 HELD: Final = "the other end does not say that it is ready (CTS); is the line wired for flow control, and set to it?"
 WAITING_FRAMES: Final = 256
-"""What may wait for a slow line; what does not fit any more is dropped."""
+"""What may wait for a slow line; beyond it the oldest are dropped."""
 
 
 class SerialEndpoint:
@@ -91,7 +93,8 @@ class SerialEndpoint:
         self._baud = baud or RATES[0]
         self._port: serial.Serial | None = None
         self._closing = threading.Event()
-        self._waiting: queue.Queue[bytes | None] = queue.Queue(WAITING_FRAMES)
+        self._waiting: queue.Queue[tuple[float, bytes] | None] = queue.Queue(WAITING_FRAMES)
+        """Frames with the time at which they were queued."""
         self._threads = [
             threading.Thread(target=self._read, name=f"read {device}", daemon=True),
             threading.Thread(target=self._write, name=f"write {device}", daemon=True),
@@ -114,10 +117,11 @@ class SerialEndpoint:
         if not self.is_connected:
             self.dropped += 1
             return
-        try:
-            self._waiting.put_nowait(data)
-        except queue.Full:
-            self.dropped += 1
+        if self._waiting.full():
+            with suppress(queue.Empty):  # the writing thread may have emptied it
+                self._waiting.get_nowait()
+                self.dropped += 1
+        self._waiting.put_nowait((self._loop.time(), data))
 
     async def close(self) -> None:
         """Ends the threads and closes the device."""
@@ -133,6 +137,11 @@ class SerialEndpoint:
         for thread in self._threads:
             await self._loop.run_in_executor(None, thread.join)
 
+    @property
+    def _patience_s(self) -> float:
+        """Time for which a frame may wait, and for which the line may accept none; a slow line has time for two frames."""
+        return max(WRITE_TIMEOUT_S, 2 * LONGEST_FRAME_BYTES * 10 / self._baud)
+
     def _open(self) -> serial.Serial | None:
         import serial
 
@@ -141,7 +150,7 @@ class SerialEndpoint:
                 self._device,
                 self._baud,
                 timeout=READ_TIMEOUT_S,
-                write_timeout=WRITE_TIMEOUT_S,
+                write_timeout=self._patience_s,
                 rtscts=self._has_flow_control,
                 exclusive=True,
             )
@@ -184,9 +193,10 @@ class SerialEndpoint:
             self._on_data(data)
 
     def _write(self) -> None:
-        while (data := self._waiting.get()) is not None:
+        while (waiting := self._waiting.get()) is not None:
+            queued_s, data = waiting
             port = self._port
-            if port is None:
+            if port is None or self._loop.time() - queued_s > self._patience_s:
                 self.dropped += 1
                 continue
             try:
@@ -196,6 +206,8 @@ class SerialEndpoint:
                 is_held = self._has_flow_control and not getattr(error, "errno", None)
                 self.problem = HELD if is_held else _reason(error)
                 self.dropped += 1
+                with suppress(OSError, TypeError, termios.error):  # the line may be closed by now
+                    port.reset_output_buffer()
 
 
 def _reason(error: Exception) -> str:

@@ -15,7 +15,7 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.mavlink import codec
 from gloc3.mavlink.signing import Signing
-from gloc3.mavlink.transport import serial_line, udp
+from gloc3.mavlink.transport import serial_line, tcp, udp
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
 from gloc3.mavlink.transport.udp import UdpServerEndpoint, senders_in
 
@@ -214,6 +214,112 @@ async def test_tcp_client_connects_again(opener: Opener, monkeypatch: pytest.Mon
     await until(lambda: client.is_connected and server.is_connected)
     server.send(FRAMES[0])
     await until(lambda: received == [FRAMES[0]])
+
+
+class Peer:
+    """A program to which endpoints connect; its kernel holds little that it does not read."""
+
+    def __init__(self) -> None:
+        self.listener = socket.socket()
+        self.listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        self.listener.bind(("127.0.0.1", 0))
+        self.listener.listen()
+        self.url = f"tcpout://127.0.0.1:{self.listener.getsockname()[1]}"
+
+    def accept(self) -> socket.socket:
+        taken = self.listener.accept()[0]
+        taken.setblocking(False)
+        return taken
+
+
+@pytest.fixture
+def peer() -> Iterator[Peer]:
+    peer = Peer()
+    yield peer
+    peer.listener.close()
+
+
+async def test_a_tcp_peer_that_accepts_nothing_is_lost(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch, peer: Peer
+) -> None:
+    monkeypatch.setattr(tcp, "DEAD_S", 0.3)
+    client, _ = await opener(peer.url)
+    await until(lambda: client.is_connected)
+    with peer.accept():
+        async with asyncio.timeout(60):
+            while client.is_connected:
+                client.send(bytes(1000))
+                await asyncio.sleep(0.001)
+    assert client.problem == "connection timed out"
+    assert client.dropped > 0
+
+
+async def test_a_tcp_peer_that_is_slow_is_kept(opener: Opener, monkeypatch: pytest.MonkeyPatch, peer: Peer) -> None:
+    monkeypatch.setattr(tcp, "DEAD_S", 0.5)
+    monkeypatch.setattr(tcp, "STALE_S", 0.1)
+    client, _ = await opener(peer.url)
+    await until(lambda: client.is_connected)
+    with peer.accept() as end:
+        for _ in range(100):
+            for _ in range(100):
+                client.send(FRAMES[0])
+            await asyncio.sleep(0.01)
+            with suppress(BlockingIOError):
+                end.recv(1000)  # a fourth of what is sent
+            assert client.is_connected
+    assert client.dropped > 0
+
+
+async def test_a_tcp_peer_gets_no_frames_late_that_it_did_not_accept(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch, peer: Peer
+) -> None:
+    monkeypatch.setattr(tcp, "STALE_S", 0.1)
+    client, _ = await opener(peer.url)
+    await until(lambda: client.is_connected)
+    encoder, data, received = codec.Encoder(1, 1), b"", [-1]
+    for number in range(1000):
+        client.send(encoder.encode(codec.message("ATTITUDE", time_boot_ms=number)))
+        await asyncio.sleep(0.0)
+    await asyncio.sleep(0.2)
+    client.send(encoder.encode(codec.message("ATTITUDE", time_boot_ms=1000)))
+    with peer.accept() as end:
+        while received[-1] != 1000:
+            with suppress(BlockingIOError):
+                data += end.recv(65536)
+            frames = [frame.decode() for frame in codec.Parser().receive(data)]
+            received = [message.time_boot_ms for message in frames if message is not None] or [-1]
+            await asyncio.sleep(0.005)
+    assert 999 not in received
+    assert client.dropped == 1001 - len(received)
+
+
+async def test_a_tcp_server_that_does_not_answer_is_said(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch, peer: Peer
+) -> None:
+    monkeypatch.setattr(tcp, "CONNECT_S", 0.1)
+    peer.listener.listen(0)
+    with socket.create_connection(peer.listener.getsockname()):  # takes the only place in the queue
+        client, _ = await opener(peer.url)
+        await until(lambda: client.problem == "no answer within 0.1 s")
+
+
+async def test_of_too_many_tcp_clients_one_that_is_silent_makes_room(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tcp, "MOST_CLIENTS", 2)
+    server, received = await opener("tcpin://127.0.0.1:0")
+    address = ("127.0.0.1", server.local_port or 0)
+    with socket.create_connection(address) as silent, socket.create_connection(address) as speaking:
+        speaking.sendall(FRAMES[0])
+        await until(lambda: received == [FRAMES[0]])
+        with socket.create_connection(address):
+            await until(lambda: server.problem == "more than 2 clients")
+        monkeypatch.setattr(tcp, "SILENT_S", 0.0)
+        with socket.create_connection(address) as newcomer:
+            newcomer.sendall(FRAMES[1])
+            speaking.sendall(FRAMES[2])
+            await until(lambda: sorted(received) == sorted(FRAMES))
+        assert silent.recv(1) == b"", "it is disconnected"
 
 
 async def test_serial_line_both_ways_and_a_missing_device(opener: Opener) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
+from collections import deque
 from collections.abc import Callable
 from typing import Final
 
@@ -12,10 +13,24 @@ from gloc3.errors import Refused
 from gloc3.mavlink.codec import Parser
 from gloc3.mavlink.transport.udp import bind_failure, resolve
 
-WRITE_BUFFER_BYTES: Final = 1 << 16
-"""Unread data of a slow peer beyond which frames for it are dropped, bytes; stale ones are useless."""
+WAITING_FRAMES: Final = 1024
+"""What may wait for a slow peer; beyond it the oldest are dropped."""
+STALE_S: Final = 1.0
+"""Age from which a frame that waits for a slow peer is dropped, s."""
+UNSENT_BYTES: Final = 4096
+"""What the kernel holds of them, bytes."""
+DEAD_S: Final = 10.0
+"""Time without an answer after which a connection is lost, s; slow modems need some seconds."""
+PROBED_S: Final = 3.0
+"""Silence after which the other end is probed, s."""
+CONNECT_S: Final = 5.0
+"""Time for the server to answer, s."""
+NEXT_ADDRESS_S: Final = 1.0
+"""Time after which a server's next address is tried as well, s."""
 RECONNECT_S: Final = 1.0
 MOST_CLIENTS: Final = 16
+SILENT_S: Final = 5.0
+"""Silence after which a client makes room for another, s."""
 
 
 def _text(error: Exception) -> str:
@@ -40,36 +55,76 @@ class _TcpEndpoint:
         self._on_data = on_data
         self._is_closed = False
 
-    def _write(self, transport: asyncio.Transport, data: bytes) -> None:
-        if transport.is_closing() or transport.get_write_buffer_size() > WRITE_BUFFER_BYTES:
-            self.dropped += 1
-            return
-        transport.write(data)
-        self.bytes_sent += len(data)
-
 
 class _Connection(asyncio.Protocol):
-    """One connection; reports its events to its endpoint."""
+    """One connection; reports its events to its endpoint. What its peer does not accept waits, and is dropped when stale."""
 
-    def __init__(self, endpoint: TcpServerEndpoint | TcpClientEndpoint) -> None:
-        self._endpoint = endpoint
+    def __init__(self, endpoint: TcpServerEndpoint | TcpClientEndpoint, now_s: Callable[[], float]) -> None:
+        self._endpoint, self._now_s = endpoint, now_s
         self.parser = Parser()
         self.transport: asyncio.Transport
         self.host = ""
         """Of the other end."""
+        self.received_s = now_s()
+        """When it sent a frame last, or connected."""
+        self._is_paused = False
+        self._waiting: deque[tuple[float, bytes]] = deque()
+        """Frames with the time at which they were queued."""
+
+    def send(self, data: bytes) -> None:
+        """Sends frames, at once or as soon as the peer accepts them."""
+        if self._is_paused:
+            if len(self._waiting) >= WAITING_FRAMES:
+                self._waiting.popleft()
+                self._endpoint.dropped += 1
+            self._waiting.append((self._now_s(), data))
+        elif self.transport.is_closing():
+            self._endpoint.dropped += 1
+        else:
+            self.transport.write(data)
+            self._endpoint.bytes_sent += len(data)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
         self.host = str(transport.get_extra_info("peername")[0])
-        transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        transport.set_write_buffer_limits(0)
+        _set_options(transport.get_extra_info("socket"))
         self._endpoint.on_connected(self)
+
+    def pause_writing(self) -> None:
+        self._is_paused = True
+
+    def resume_writing(self) -> None:
+        self._is_paused = False
+        while self._waiting and not self._is_paused:
+            queued_s, data = self._waiting.popleft()
+            if self._now_s() - queued_s > STALE_S:
+                self._endpoint.dropped += 1
+            else:
+                self.send(data)
 
     def data_received(self, data: bytes) -> None:
         self._endpoint.on_received(self, data)
 
     def connection_lost(self, exc: Exception | None) -> None:
+        self._endpoint.dropped += len(self._waiting)
         self._endpoint.on_lost(self, exc)
+
+
+def _set_options(opened: socket.socket) -> None:
+    """Has the kernel send at once, hold little, and notice a dead peer, as far as the system can."""
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    values = {
+        "TCP_NODELAY": 1,
+        "TCP_NOTSENT_LOWAT": UNSENT_BYTES,
+        "TCP_USER_TIMEOUT": round(DEAD_S * 1e3),
+        "TCP_KEEPIDLE": round(PROBED_S),
+        "TCP_KEEPINTVL": round(PROBED_S),
+    }
+    for name, value in values.items():
+        if hasattr(socket, name):
+            opened.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 class TcpServerEndpoint(_TcpEndpoint):
@@ -95,7 +150,7 @@ class TcpServerEndpoint(_TcpEndpoint):
         endpoint = cls(url, loop, on_data)
         try:
             endpoint._server = await loop.create_server(
-                lambda: _Connection(endpoint), address[0], port, family=family, backlog=MOST_CLIENTS
+                lambda: _Connection(endpoint, loop.time), address[0], port, family=family, backlog=MOST_CLIENTS
             )
         except OSError as error:
             raise Refused(bind_failure(url, port, error)) from None
@@ -114,7 +169,7 @@ class TcpServerEndpoint(_TcpEndpoint):
     def send(self, data: bytes) -> None:
         """Sends to each client."""
         for client in self._clients:
-            self._write(client.transport, data)
+            client.send(data)
 
     async def close(self) -> None:
         """Closes the port and all connections."""
@@ -127,7 +182,12 @@ class TcpServerEndpoint(_TcpEndpoint):
         self._clients.clear()
 
     def on_connected(self, connection: _Connection) -> None:
-        """A client came."""
+        """A client came; the one that has been silent for longest makes room for it."""
+        if len(self._clients) >= MOST_CLIENTS:
+            silent = min(self._clients, key=lambda client: client.received_s)
+            if self._loop.time() - silent.received_s > SILENT_S:
+                self._clients.remove(silent)
+                silent.transport.abort()
         if self._is_closed or len(self._clients) >= MOST_CLIENTS:
             self.problem = f"more than {MOST_CLIENTS} clients"
             connection.transport.abort()
@@ -138,6 +198,8 @@ class TcpServerEndpoint(_TcpEndpoint):
         """A client sent something."""
         self.bytes_received += len(data)
         frames = connection.parser.receive(data)
+        if frames:
+            connection.received_s = self._loop.time()
         if frames and not self._is_closed:
             self.origin = connection.host
             self._on_data(b"".join(frame.raw for frame in frames))
@@ -176,7 +238,7 @@ class TcpClientEndpoint(_TcpEndpoint):
         if self._connection is None:
             self.dropped += 1
         else:
-            self._write(self._connection.transport, data)
+            self._connection.send(data)
 
     async def close(self) -> None:
         """Closes the connection and stops reconnecting."""
@@ -211,9 +273,16 @@ class TcpClientEndpoint(_TcpEndpoint):
 
     async def _connect(self) -> None:
         try:
-            await self._loop.create_connection(lambda: _Connection(self), self._host, self._port)
+            async with asyncio.timeout(CONNECT_S):
+                await self._loop.create_connection(
+                    lambda: _Connection(self, self._loop.time),
+                    self._host,
+                    self._port,
+                    happy_eyeballs_delay=NEXT_ADDRESS_S,
+                )
         except OSError as error:
-            self._retry(_text(error))
+            if self._connection is None:  # else it was made at the last moment, and is about to be lost
+                self._retry(_text(error) or f"no answer within {CONNECT_S:g} s")
 
     def _retry(self, reason: str) -> None:
         self.problem = reason

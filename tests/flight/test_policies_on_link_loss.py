@@ -4,6 +4,7 @@ import pytest
 from tests.flight.card import ONE_STYLE, Card
 from tests.flight.missions import mission
 
+from gloc3.messages.command_interface import StationRole
 from gloc3.messages.summaries import StationHeard
 
 HOME_M = 0.4
@@ -30,12 +31,13 @@ def test_a_lost_link_lands_the_vehicle_where_it_is(flight: Card) -> None:
 
 
 @ONE_STYLE
-def test_only_the_holder_of_control_keeps_the_link_alive(flight: Card) -> None:
+@pytest.mark.parametrize("heard", [StationHeard(station="254"), StationHeard(station="255", role=StationRole.OBSERVER)])
+def test_only_the_holder_of_control_keeps_the_link_alive(flight: Card, heard: StationHeard) -> None:
     flight.begin(mission(on_link_loss="land", link_loss_after_s="2"))
     flight.await_state("sweep", "running")
     flight.fault("link_loss")
-    for _ in range(6):  # another station is heard all the time
-        flight.flight.exchange.publish(flight.envelope("ci/heard", StationHeard(station="254")))
+    for _ in range(6):  # another station, or an observer of the same name, is heard all the time
+        flight.flight.exchange.publish(flight.envelope("ci/heard", heard))
         flight.wait(0.5)
     assert flight.mission.policy == "land"
 

@@ -6,6 +6,7 @@ from typing import Final, Protocol
 import msgspec
 
 from gloc3.component.lci import State
+from gloc3.messages.command_interface import StationRole
 from gloc3.messages.envelope import Message, Severity
 
 
@@ -202,6 +203,8 @@ class StationHeard(Message, frozen=True):
     """Whether messages to stations reach it; not yet while only its heartbeat was received."""
     member: str = ""
     """Of the network: whose rights it has; empty for a link that stands for none."""
+    role: StationRole = StationRole.OPERATOR
+    """Of all stations on its link."""
 
 
 class CiEvent(Message, frozen=True):

@@ -196,7 +196,8 @@ class Authority:
             self.control.restore(self._kept_holder, now_s)
             self._kept_holder = ""
         for received in inbox.new(AuthorityPorts.heard):
-            self._note_contact(received.payload.station, received.payload.member, now_s)
+            heard = received.payload
+            self._note_contact(heard.station, heard.member, heard.role, now_s)
         control, holder = self.control, self.control.holder
         is_entitled = holder not in self._members or self.rights.may(self._members[holder], Right.CONTROL)
         if control.is_entitled and not is_entitled:
@@ -205,8 +206,10 @@ class Authority:
             self._report(Severity.WARNING, text)
         control.is_entitled = is_entitled
 
-    def _note_contact(self, station: str, member: str, now_s: float) -> None:
-        """Registers contact, with the holder of control only as long as its member may hold it."""
+    def _note_contact(self, station: str, member: str, role: StationRole, now_s: float) -> None:
+        """Registers contact, with the holder of control only where it may hold it: not as an observer that has its name."""
+        if station == self.control.holder and role is StationRole.OBSERVER:
+            return
         is_same = self._members.get(station, member) == member and self.rights.may(member, Right.CONTROL)
         if self.rights.is_open or station != self.control.holder or is_same:
             self.control.note_contact(station, now_s)
@@ -225,7 +228,7 @@ class Authority:
         if not is_query and not isinstance(request.body, Emergency) and (clash := self._identify(request)):
             return clash
         if not is_query or self.rights.is_open:
-            self._note_contact(request.sender, request.member, now_s)
+            self._note_contact(request.sender, request.member, request.role, now_s)
         if isinstance(request.body, Hello | Control):
             self._software.pop(request.sender, None)
             self._software[request.sender] = Software(request.body.version, request.body.protocol)

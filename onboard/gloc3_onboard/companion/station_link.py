@@ -196,5 +196,5 @@ class StationLink:
         if is_new or now_s - self._received_s.get(station, float("-inf")) >= CONTACT_PERIOD_S:
             self._received_s[station] = now_s
             self._reached = self._reached | {station} if is_reached else self._reached - {station}
-            received = StationHeard(station=station, is_reached=is_reached, member=self._member)
+            received = StationHeard(station=station, is_reached=is_reached, member=self._member, role=self._role)
             self._publisher.publish(self._contact_topic, received, now_s)

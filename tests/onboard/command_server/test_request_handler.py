@@ -164,6 +164,14 @@ def test_a_station_without_control_is_refused_and_told_who_holds_it(desk: Desk) 
     assert "station 255 holds control" in reply.reason
 
 
+def test_what_an_observer_asks_under_the_name_of_the_holder_is_no_contact_with_it(desk: Desk) -> None:
+    control = desk.handler._authority.control
+    for role, silent_s in ((StationRole.OBSERVER, 60.0), (StationRole.OPERATOR, 0.0)):
+        asked = CiRequest(sender="255", boot=8, sequence=1, body=Hello(), role=role)
+        desk.handler.handle(asked, 60.0)
+        assert control.silent_s(60.0) == silent_s
+
+
 def test_an_observer_gets_the_inventory(desk: Desk) -> None:
     reply = desk.observed(Hello(is_about_inventory=True))
     assert reply is not None

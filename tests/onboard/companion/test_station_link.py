@@ -55,6 +55,8 @@ class Ends:
         self.events: list[str] = []
         self.reported: list[str] = []
         self.here.subscribe("heron/ci/request", self.requests.append)
+        self.heard: list[Envelope[StationHeard]] = []
+        self.here.subscribe("heron/ci/heard", self.heard.append)
         self.here.subscribe("heron/components/station_link/event", self._take)
         platform_signing = self._signing(platform_key)
         self.platform = StationLink(
@@ -138,6 +140,7 @@ def test_a_request_says_how_it_came_and_what_its_sender_may_do_whatever_was_sent
         forged = CiRequest(sender="255", boot=8, sequence=0, body=Hello(), way="the front door", member="carol")
         Publisher(ends.there, "station", "client", 8).publish("heron/ci/request", forged, ends.loop.time())
         await asyncio.sleep(2.0)
+        assert {envelope.payload.role for envelope in ends.heard} == {role}
         came = ends.requests[0].payload
         assert (came.role, came.way) == (role, "udpin://:14551, signed" if key else "udpin://:14551")
         assert came.member == "alice"

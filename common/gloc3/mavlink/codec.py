@@ -37,6 +37,10 @@ _PARAMETER_IDS: Final = frozenset({22, 23})
 those are no float that survives being one; `gloc3.mavlink.services.parameter` reads and writes them."""
 
 
+_INSTANCES: Final = {"ADSB_VEHICLE": "ICAO_address", "AIS_VESSEL": "MMSI"}
+"""Fields by which senders of a message differ, where the dialect names none."""
+
+
 @cache
 def _dialect() -> Any:
     """ArduPilot's dialect, MAVLink 2 (it contains `common`)."""
@@ -56,7 +60,8 @@ def _describe(number: int) -> MessageLayout | None:
     columns = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
     fields = [Field(name, types[name], count) for name, count in columns]
     fields += [field for field in upstream.EXTENSIONS.get(kind.msgname, ()) if field.name not in types]
-    return MessageLayout(kind.msgname, number, kind.crc_extra, fields, kind.instance_field)
+    instance = _INSTANCES.get(kind.msgname, kind.instance_field)
+    return MessageLayout(kind.msgname, number, kind.crc_extra, fields, instance)
 
 
 class _Shapes(dict[int, MessageLayout | None]):

@@ -2,7 +2,7 @@
 
 While all classes have something to send, each has the share of the line given by its weight; alone, it has the whole
 line (deficit round robin, Shreedhar and Varghese 1996). Of each telemetry message only the latest waits: a slow line
-carries it less often, never late. Frames without room in the queue are dropped and counted.
+carries it less often, never late. All others wait in order, also those that are unknown. Frames without room in the queue are dropped and counted.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class TrafficKind(StrEnum):
     COMMAND = "command"
     """Commands, answers, heartbeats, setpoints, texts, and our own command interface."""
     TRANSFER = "transfer"
-    """Missions and parameters."""
+    """Missions, parameters, a shell's lines, and whatever else is addressed."""
     TELEMETRY = "telemetry"
     """Periodic messages."""
     BULK = "bulk"
-    """Files and logs."""
+    """Files and logs, and messages that the dialect does not define."""
 
 
 class Share(msgspec.Struct, frozen=True):
@@ -55,29 +55,43 @@ SHARES: Final = {
 
 _NAMES: Final = {
     TrafficKind.COMMAND: (
-        "HEARTBEAT COMMAND_LONG COMMAND_INT COMMAND_ACK SET_MODE STATUSTEXT TUNNEL PING TIMESYNC SYSTEM_TIME "
+        "HEARTBEAT COMMAND_LONG COMMAND_INT COMMAND_ACK COMMAND_CANCEL SET_MODE STATUSTEXT TUNNEL PING TIMESYNC SYSTEM_TIME "
         "MANUAL_CONTROL RC_CHANNELS_OVERRIDE SET_POSITION_TARGET_LOCAL_NED SET_POSITION_TARGET_GLOBAL_INT "
         "SET_ATTITUDE_TARGET CHANGE_OPERATOR_CONTROL CHANGE_OPERATOR_CONTROL_ACK SETUP_SIGNING MISSION_SET_CURRENT "
-        "MISSION_ITEM_REACHED"
+        "MISSION_ITEM_REACHED EVENT REQUEST_EVENT RESPONSE_EVENT_ERROR"
     ),
     TrafficKind.TRANSFER: (
         "MISSION_REQUEST_LIST MISSION_COUNT MISSION_REQUEST MISSION_REQUEST_INT MISSION_ITEM MISSION_ITEM_INT "
         "MISSION_ACK MISSION_CLEAR_ALL MISSION_REQUEST_PARTIAL_LIST MISSION_WRITE_PARTIAL_LIST PARAM_REQUEST_READ "
         "PARAM_REQUEST_LIST PARAM_VALUE PARAM_SET AUTOPILOT_VERSION MESSAGE_INTERVAL REQUEST_DATA_STREAM "
-        "FENCE_POINT FENCE_FETCH_POINT RALLY_POINT RALLY_FETCH_POINT"
+        "FENCE_POINT FENCE_FETCH_POINT RALLY_POINT RALLY_FETCH_POINT PARAM_EXT_VALUE PARAM_EXT_ACK CAMERA_IMAGE_CAPTURED"
     ),
     TrafficKind.BULK: (
         "FILE_TRANSFER_PROTOCOL LOG_REQUEST_LIST LOG_ENTRY LOG_REQUEST_DATA LOG_DATA LOG_ERASE LOG_REQUEST_END "
         "ENCAPSULATED_DATA DATA_TRANSMISSION_HANDSHAKE TERRAIN_DATA TERRAIN_REQUEST REMOTE_LOG_DATA_BLOCK "
-        "REMOTE_LOG_BLOCK_STATUS GPS_RTCM_DATA"
+        "REMOTE_LOG_BLOCK_STATUS GPS_RTCM_DATA GPS_INJECT_DATA LOGGING_DATA LOGGING_DATA_ACKED LOGGING_ACK CAN_FRAME "
+        "CANFD_FRAME"
+    ),
+    TrafficKind.TELEMETRY: (
+        "GIMBAL_DEVICE_ATTITUDE_STATUS GIMBAL_DEVICE_SET_ATTITUDE GIMBAL_MANAGER_SET_ATTITUDE GIMBAL_MANAGER_SET_PITCHYAW "
+        "GIMBAL_MANAGER_SET_MANUAL_CONTROL AUTOPILOT_STATE_FOR_GIMBAL_DEVICE MOUNT_STATUS SET_ACTUATOR_CONTROL_TARGET "
+        "GLOBAL_POSITION_SENSOR"
     ),
 }
+"""Of telemetry only what is addressed, and yet sent periodically."""
 
 
 @cache
 def kinds() -> dict[int, TrafficKind]:
-    """Message id to kind, for every message that is not telemetry."""
+    """Message id to kind, for every message whose form does not tell it."""
     return {codec.shape(name).id: kind for kind, names in _NAMES.items() for name in names.split()}
+
+
+def _kind_of(frame: Frame) -> TrafficKind:
+    """The kind of a message that is not listed: one that has no address is taken for periodic."""
+    if frame.shape is None:
+        return TrafficKind.BULK
+    return TrafficKind.TELEMETRY if frame.shape.target_system_at < 0 else TrafficKind.TRANSFER
 
 
 class LinkOutlet:
@@ -115,7 +129,7 @@ class LinkOutlet:
         if self.rate_byte_s is None:
             self._send(frame.raw)
             return
-        kind = self._kinds.get(frame.message_id, TrafficKind.TELEMETRY)
+        kind = self._kinds.get(frame.message_id) or _kind_of(frame)
         waiting = self._waiting[kind]
         which: Hashable = next(self._numbers)
         if kind is TrafficKind.TELEMETRY:

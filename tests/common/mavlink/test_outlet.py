@@ -110,6 +110,36 @@ def test_of_telemetry_the_latest_waits_of_each_sender_and_instance() -> None:
     assert line.outlet.overtaken + len(line.sent) == 200
 
 
+@pytest.mark.parametrize(
+    ("what", "number"),
+    [
+        ("SERIAL_CONTROL", "baudrate"),
+        ("COMMAND_CANCEL", "command"),
+        ("EVENT", "sequence"),
+        ("PARAM_EXT_VALUE", "param_index"),
+        ("CAMERA_IMAGE_CAPTURED", "image_index"),
+        ("ADSB_VEHICLE", "ICAO_address"),
+        ("DEVICE_OP_READ", "request_id"),
+    ],
+)
+def test_messages_that_belong_together_all_leave_in_order(what: str, number: str) -> None:
+    line = Line()
+    for each in range(1, 31):
+        line.put(what, **{number: each})
+    line.run_to(60.0)
+    sent = [getattr(frame.decode(), number) for _, frame in line.sent]
+    assert sent == list(range(1, 31))
+
+
+def test_messages_that_the_dialect_does_not_define_all_leave_in_order() -> None:
+    line = Line()
+    for mode in range(1, 31):
+        raw = bytes((0xFD, 1, 0, 0, mode, 1, 1, 435 & 0xFF, 435 >> 8, 0, mode, 0, 0))
+        line.outlet.put(Frame(raw, 1, 1, mode, 435, 0, 10, 1, None), 0.0)
+    line.run_to(60.0)
+    assert [frame.payload[0] for _, frame in line.sent] == list(range(1, 31))
+
+
 def test_missions_and_files_wait_in_order_and_what_finds_no_room_is_counted() -> None:
     line = Line()
     for seq in range(SHARES[TrafficKind.TRANSFER].most + 50):

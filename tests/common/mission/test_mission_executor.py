@@ -273,6 +273,21 @@ def test_a_single_action_on_a_claimed_resource_is_refused_naming_the_claimant(ri
     assert rig.started[-1].action_id == rig.id_of("sweep.wall")
 
 
+@pytest.mark.parametrize("name", ["mission", "contingency"])
+def test_a_single_task_may_have_any_name_and_leaves_the_mission_alone(rig: Rig, name: str) -> None:
+    sweep(rig)
+    rig.steer("pause")
+    mission, policies = rig.executor.mission, rig.executor.board.policies
+    text = f"mission: stay\nframe: hold\ntasks: {{{name}: {{actions: {{still: {{hold: {{duration_s: 5}}}}}}}}}}\n"
+    assert rig.executor.command(rig.read(text), rig.now_s) == name
+    rig.settle()
+    assert (rig.executor.mission, rig.executor.board.policies) == (mission, policies)
+    assert rig.running() == [f"{name}.still"]
+    rig.steer("skip", name)
+    rig.steer("resume")
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
 def test_a_component_is_in_use_by_the_actions_that_need_it(rig: Rig) -> None:
     sweep(rig)
     assert rig.executor.in_use("pose") == ["sweep.wall", "sweep.photos"]

@@ -1,6 +1,7 @@
 """The human pilot goes before everything of ours; a restart in flight goes on where it was, and never arms."""
 
 import pytest
+from msgspec import structs
 
 from gloc3.errors import Refused
 from gloc3.mission.executing.board import PolicyCondition
@@ -422,6 +423,28 @@ def test_a_hold_that_an_operator_ordered_has_no_end_after_a_restart_either(pelic
     rig = rig.restart(is_airborne=True)
     rig.pass_s(100.0)
     assert rig.executor.policy == "hold"
+
+
+@pytest.mark.parametrize("kept_as", ["command ", ""])
+@pytest.mark.parametrize("has_ended", [True, False])
+def test_a_restart_takes_no_single_task_for_a_contingency(pelican: Platform, kept_as: str, has_ended: bool) -> None:
+    rig = flying(pelican)
+    rig.steer("pause")
+    text = "mission: go\nframe: hold\ntasks: {contingency: {actions: {go: {go_to: {position_m: [5, 5, 3]}}}}}\n"
+    rig.executor.command(rig.read(text), rig.now_s)
+    rig.settle()
+    if has_ended:
+        rig.done("contingency.go")
+    assert rig.kept is not None
+    mission, command = rig.kept.programs
+    assert (mission.name, command.name) == ("mission", "command contingency")
+    command = structs.replace(command, name=f"{kept_as}contingency")  # an earlier process named it by its task alone
+    rig.kept = structs.replace(rig.kept, programs=[mission, command])
+    again = rig.restart(is_airborne=True)
+    assert again.state() == "paused"
+    assert again.state("contingency.go") == ("done" if has_ended else "aborted")
+    again.steer("resume")
+    assert again.running() == ["sweep.photos", "sweep.wall"]
 
 
 def test_progress_after_a_restart_is_put_on_disk_as_a_change_from_what_is_there(pelican: Platform) -> None:

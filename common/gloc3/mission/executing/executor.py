@@ -16,7 +16,7 @@ from gloc3.messages.summaries import Cause, component_cause
 from gloc3.mission.executing import amending, elsewhere, flow, manoeuvres, reactions, steering, takeovers
 from gloc3.mission.executing.assignments import Assignment
 from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition
-from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
+from gloc3.mission.executing.items import COMMAND, MISSION, ActionRun, MissionProgram, TaskRun
 from gloc3.mission.executing.requests import Grant, Persist, ReclaimMotion, Request
 from gloc3.mission.executing.snapshot import Snapshot
 from gloc3.mission.model.conditions import Readings
@@ -155,7 +155,7 @@ class MissionExecutor:
         if before is not None:
             board.end_all(before, StateTrigger.ABORT, now_s, f"redirected by {name}")
             board.move(before, StateTrigger.ABORT, now_s, f"redirected by {name}")
-        program = board.program(name, mission)
+        program = board.program(COMMAND + name, mission)
         if board.mission is None or not board.mission.is_open:
             board.policies = mission.policies
         board.move(program, StateTrigger.START, now_s)

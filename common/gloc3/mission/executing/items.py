@@ -14,6 +14,8 @@ from gloc3.platform.platform import Capability
 
 MISSION: Final = "mission"
 """The name of the program that is the loaded mission."""
+COMMAND: Final = "command "
+"""What the name of a single command's program begins with; its first task's name follows, which has no space in it."""
 
 _OVER: Final = (ActionState.DONE, ActionState.SKIPPED, ActionState.ABORTED)
 

@@ -44,10 +44,7 @@ def restore(
     board.air.is_reported = is_airborne
     for kept in snapshot.programs:
         try:
-            mission_read = read(kept.text)
-            if kept.name == CONTINGENCY:
-                mission_read = part_of(mission_read, next(name for name in kept.items if "." not in name))
-            program = board.program(kept.name, mission_read)
+            program = board.program(kept.name, _read_again(read, kept))
         except InputError as error:
             board.report(Severity.ERROR, f"after the restart {kept.name} cannot be read: {error.findings[0]}")
             continue
@@ -77,6 +74,13 @@ def restore(
         manoeuvres.apply(board, Policy.HOLD, RESTART, now_s)
     executor.settle(now_s)
     return executor
+
+
+def _read_again(read: Callable[[str], Mission], kept: ProgramSnapshot) -> Mission:
+    """The mission of a program; an earlier process may have kept a single command under a contingency's name."""
+    mission = read(kept.text)
+    task = next((name for name in kept.items if kept.name == CONTINGENCY and "." not in name), "")
+    return part_of(mission, task) if task in mission.contingencies else mission
 
 
 def _goes_on(board: Board, snapshot: Snapshot, is_airborne: bool) -> bool:

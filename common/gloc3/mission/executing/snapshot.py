@@ -36,7 +36,7 @@ class ProgramSnapshot(msgspec.Struct, frozen=True, kw_only=True):
     """A mission, or a single task or action."""
 
     name: str
-    """`mission`, or the name of the single command."""
+    """`mission`, `contingency`, or `command NAME` of a single command; earlier processes wrote its `NAME` alone."""
     text: str
     """The file's content."""
     own: ItemSnapshot

@@ -216,6 +216,74 @@ def test_a_mission_starts_only_from_where_its_first_action_can_begin(rig: Rig, p
     assert without.state() == "waiting"
 
 
+def stands(rig: Rig, seconds: int) -> None:
+    """The vehicle is reported on the ground once a second."""
+    for _ in range(seconds):
+        rig.now_s += 1.0
+        rig.fly(is_airborne=False)
+
+
+def test_a_take_off_that_was_skipped_on_the_ground_may_still_come_and_is_over_ten_seconds_later(rig: Rig) -> None:
+    rig.start()
+    rig.steer("skip")
+    stands(rig, 10)
+    assert rig.grant.action_id == "hold"
+    stands(rig, 1)
+    assert rig.grant.action_id == ""
+    assert rig.log[-1] == "the vehicle is still on the ground"
+    rig.executor.load(rig.read(MISSION), rig.now_s)
+    rig.seen.clear()
+    rig.start()
+    assert rig.running() == ["depart.climb"]
+    rig.steer("skip")
+    stands(rig, 5)
+    rig.fly()
+    assert rig.grant.action_id == "hold"
+
+
+def test_a_vehicle_that_a_pilot_disarmed_before_its_take_off_can_be_started_again(rig: Rig) -> None:
+    rig.start()
+    rig.executor.pilot(True, "the vehicle was disarmed by another party", rig.now_s)
+    stands(rig, 11)
+    rig.steer("abort")
+    rig.steer("resume")
+    rig.executor.load(rig.read(MISSION), rig.now_s)
+    rig.seen.clear()
+    rig.start()
+    assert rig.running() == ["depart.climb"]
+
+
+def test_a_take_off_that_is_resumed_after_a_long_pause_on_the_ground_is_one_again(rig: Rig) -> None:
+    rig.start()
+    rig.steer("pause")
+    stands(rig, 11)
+    assert (rig.grant.action_id, rig.executor.board.is_airborne) == ("", False)
+    rig.steer("resume")
+    stands(rig, 30)
+    assert (rig.running(), rig.executor.board.is_airborne) == (["depart.climb"], True)
+
+
+def test_a_second_take_off_after_a_landing_is_a_take_off_at_once(pelican: Platform) -> None:
+    again = "after: [pause]}\n      down:   {land: {}, after: [home]}"
+    text = MISSION.replace(again, again + "\n      up:     {take_off: {height_m: 2}, after: [down]}")
+    rig = sweep(Rig(pelican, text))
+    rig.steer("skip", "sweep")
+    rig.pass_s(5.1)
+    rig.done("recover.home")
+    rig.done("recover.down")
+    rig.fly(is_airborne=False)
+    assert (rig.running(), rig.executor.board.is_airborne) == (["recover.up"], True)
+
+
+def test_a_landing_before_the_take_off_was_seen_ends_the_flight(rig: Rig) -> None:
+    rig.start()
+    rig.steer("abort")
+    assert rig.running() == ["policy.land"]
+    rig.done("policy.land")
+    rig.fly(is_airborne=False)
+    assert (rig.executor.board.is_airborne, rig.grant.action_id) == (False, "")
+
+
 def test_a_mission_under_way_is_not_replaced(rig: Rig) -> None:
     rig.start()
     with pytest.raises(Refused, match="the mission 'test' is running; abort it first"):

@@ -51,6 +51,8 @@ _CAUSES: Final = {
     PolicyCondition.POSE_LOST: Cause.POSITION,
 }
 
+STAYS_DOWN_S: Final = 10.0
+"""A take-off that has ended or is paused, and has not lifted the vehicle after so long, does not any more."""
 UNATTENDED_S: Final = 30.0
 """A pilot who has control and of whom nothing is heard for so long has left the vehicle to the policies (DESIGN §7)."""
 SAFETY: Final = frozenset(
@@ -134,7 +136,7 @@ class Missing(dict[str, tuple[str, ...]]):
 class AirState:
     """State in the air or on the ground: as it is reported, and as actions have ended since."""
 
-    __slots__ = ("has_landed", "is_reported", "is_taking_off")
+    __slots__ = ("_idle_since_s", "has_landed", "is_reported", "is_taking_off")
 
     def __init__(self) -> None:
         self.is_reported = False
@@ -142,11 +144,38 @@ class AirState:
         """A take-off has started, and no report confirms yet that the vehicle is in the air."""
         self.has_landed = False
         """An action landed the vehicle, whatever the last report says."""
+        self._idle_since_s: float | None = None
+        """With `is_taking_off`: since when the vehicle is reported on the ground and no action moves it."""
 
     @property
     def is_airborne(self) -> bool:
         """Whether it is."""
         return (self.is_reported or self.is_taking_off) and not self.has_landed
+
+    def depart(self) -> None:
+        """A take-off starts, or goes on."""
+        self.is_taking_off |= not self.is_airborne
+        self.has_landed, self._idle_since_s = False, None
+
+    def land(self) -> None:
+        """An action has landed the vehicle."""
+        self.is_taking_off, self.has_landed = False, True
+
+    def stays_down(self, *, is_moved: bool, now_s: float) -> bool:
+        """Whether a take-off that has ended or is paused will not come any more.
+
+        Args:
+            is_moved: whether an action moves the vehicle.
+            now_s: the time, at which the vehicle is reported on the ground.
+        """
+        if is_moved or not self.is_taking_off:
+            self._idle_since_s = None
+        elif self._idle_since_s is None:
+            self._idle_since_s = now_s
+        elif now_s >= self._idle_since_s + STAYS_DOWN_S:
+            self.is_taking_off = False
+            return True
+        return False
 
 
 class Board:

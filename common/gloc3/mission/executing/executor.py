@@ -14,7 +14,7 @@ from gloc3.messages.envelope import Severity
 from gloc3.messages.frames import Vector3
 from gloc3.messages.summaries import Cause, component_cause
 from gloc3.mission.executing import amending, elsewhere, flow, manoeuvres, reactions, steering, takeovers
-from gloc3.mission.executing.assignments import Assignment
+from gloc3.mission.executing.assignments import MOTION, Assignment
 from gloc3.mission.executing.board import BY_OPERATOR, Board, PolicyCondition
 from gloc3.mission.executing.items import COMMAND, MISSION, ActionRun, MissionProgram, TaskRun
 from gloc3.mission.executing.requests import Grant, Persist, ReclaimMotion, Request
@@ -282,7 +282,9 @@ class MissionExecutor:
     def vehicle(self, is_airborne: bool, now_s: float) -> None:
         """Whether the vehicle is in the air (also while it takes off or lands)."""
         air = self.board.air
-        if is_airborne == air.is_reported and (is_airborne or not air.has_landed):
+        if not is_airborne and air.stays_down(is_moved=MOTION in self.board.assignments.claims, now_s=now_s):
+            self.board.report(Severity.INFO, "the vehicle is still on the ground")
+        elif is_airborne == air.is_reported and (is_airborne or not air.has_landed):
             return
         air.is_reported = is_airborne
         if is_airborne:

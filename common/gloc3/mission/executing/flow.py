@@ -340,8 +340,7 @@ def _assign(board: Board, run: ActionRun, now_s: float) -> None:
     if not run.row.performed_by:
         return
     if run.action.order.begins_flight:
-        board.air.is_taking_off = not board.air.is_reported
-        board.air.has_landed = False
+        board.air.depart()
     board.is_changed = True
     board.assignments.start(run.target, run.action.ability, run.row, run.action.order, run, now_s)
 
@@ -351,6 +350,8 @@ def go_on_after_pause(board: Board, run: ActionRun, now_s: float) -> None:
     board.move(run, StateTrigger.RESUME, now_s)
     assignment = board.assignment(run)
     if assignment is not None and assignment.phase is AssignmentPhase.PAUSED:
+        if run.action.order.begins_flight:
+            board.air.depart()
         board.assignments.resume(assignment, now_s)
     else:
         _assign(board, run, now_s)
@@ -361,7 +362,7 @@ def finish_action(board: Board, run: ActionRun, now_s: float) -> None:
     board.release(run, is_over=True)
     run.progress = 1.0
     if run.action.order.ends_flight:
-        board.air.has_landed = True
+        board.air.land()
     board.move(run, StateTrigger.FINISH, now_s)
 
 

@@ -180,7 +180,7 @@ def ended(board: Board, assignment: Assignment, state: ActionState, reason: str,
         board.report(Severity.INFO, "policy return: at home, landing")
         manoeuvre.policy, manoeuvre.again_s = Policy.LAND, now_s
     else:
-        board.air.has_landed = True
+        board.air.land()
         board.report(Severity.INFO, "policy land: landed")
         board.manoeuvre = None
 

@@ -53,6 +53,23 @@ def test_any_mode_that_the_pilot_chooses_stops_our_setpoints_and_pauses_the_miss
     assert not flight.driver.is_streaming
 
 
+@pytest.mark.parametrize("is_back", [True, False])
+def test_a_component_that_is_lost_under_the_pilot_is_answered_after_his_hand_back_unless_it_works_again(
+    flight: Card, is_back: bool
+) -> None:
+    sweep(flight, on_failure="land")
+    take_over(flight)
+    flight.fault("crash:take_off", for_s=6.0 if is_back else 60.0)
+    flight.until(lambda: flight.was_told("take_off is lost"), 15.0, "the loss is told")
+    flight.await_policy("pilot")
+    if is_back:
+        flight.await_component("take_off", "working", 10.0)
+        flight.wait(1.0)
+    flight.command("resume")
+    flight.await_policy("" if is_back else "land", 2.0)
+    flight.await_state("mission", "running" if is_back else "failed", 1.0)
+
+
 def test_nothing_of_ours_moves_the_vehicle_whatever_happens_until_an_operator_resumes(flight: Card) -> None:
     sweep(flight, on_link_loss="land", on_low_battery="return", on_pose_lost="land")
     seen_s = take_over(flight)

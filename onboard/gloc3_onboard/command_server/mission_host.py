@@ -267,6 +267,7 @@ class MissionHost:
         for verdict in known.verdicts:
             executor.component_lost(verdict.component, Policy(verdict.policy), verdict.reason, now_s)
         known.verdicts.clear()
+        executor.restored(known.restored(now_s))
 
     def _inform_control(self, executor: MissionExecutor, driver: DriverState, now_s: float) -> None:
         """Reports who has control: we, a pilot, or the autopilot's failsafe, which only we can end."""

@@ -1,6 +1,6 @@
 """The state of the components and the vehicle, and their supervision."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from math import inf
 from typing import Final, NamedTuple
 
@@ -185,7 +185,7 @@ class Observing:
                 self.book.lose(row.name)
         policy = self._platform.hosts[host].on_loss if host in self._platform.hosts else FaultPolicy.IGNORE
         if policy is not FaultPolicy.IGNORE:
-            steps.append(SupervisionVerdict(f"host {host}", policy, "no status received"))
+            steps.append(SupervisionVerdict(_as_lost(host), policy, "no status received"))
         return steps
 
     @property
@@ -200,6 +200,11 @@ class Observing:
     def missing(self, now_s: float) -> dict[str, tuple[str, ...]]:
         """Unavailable capabilities and what each lacks."""
         return self._availability.missing(self.book, self.snapshot, now_s)
+
+    def restored(self, now_s: float) -> Iterator[str]:
+        """What no verdict holds for: components that work, and hosts that are here."""
+        yield from self.book.working(now_s)
+        yield from (_as_lost(host) for host, presence in self.hosts.items() if presence.is_here)
 
     def is_coming_up(self, now_s: float) -> bool:
         """Whether some capability cannot be used yet, and components are coming up still, or once more."""
@@ -216,6 +221,11 @@ class Observing:
     def lands_directly(self) -> None:
         """The autopilot was asked for its own landing: that mode is ours for a driver that comes back."""
         self._handover.is_landing = True
+
+
+def _as_lost(host: str) -> str:
+    """Name of a host in a verdict."""
+    return f"host {host}"
 
 
 class _LastSeen(NamedTuple):

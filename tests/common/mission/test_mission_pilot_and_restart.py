@@ -6,6 +6,7 @@ from msgspec import structs
 from gloc3.errors import Refused
 from gloc3.mission.executing.board import PolicyCondition
 from gloc3.mission.executing.requests import Grant
+from gloc3.mission.model.policy import Policy
 from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.writer import single_action
 from gloc3.platform.platform import Platform
@@ -129,6 +130,40 @@ def test_what_arose_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig
     assert rig.running() == ["policy.return_home"]
 
 
+def lose(rig: Rig, component: str, policy: Policy) -> None:
+    rig.executor.component_lost(component, policy, "no attempt left", rig.now_s)
+    rig.settle()
+
+
+def test_a_component_lost_under_the_pilot_is_answered_when_he_has_handed_back(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    lose(rig, "images", Policy.LAND)
+    lose(rig, "host cabin", Policy.RETURN)
+    assert rig.executor.policy == "pilot"
+    rig.pass_s(1)
+    rig.steer("resume")
+    assert rig.running() == ["policy.land"]
+    assert rig.state() == "failed"
+
+
+def test_a_component_that_works_again_before_the_pilot_hands_back_is_not_lost(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    lose(rig, "images", Policy.LAND)
+    rig.executor.restored(["images", "waypoints"])
+    rig.pass_s(1)
+    rig.steer("resume")
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
+def test_what_arose_under_a_pilot_who_has_left_is_answered_with_what_matters_for_safety(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    lose(rig, "images", Policy.LAND)
+    rig.arise(PolicyCondition.LOW_BATTERY)
+    rig.executor.unattended(30.0, rig.now_s)
+    rig.settle()
+    assert rig.executor.policy == "land"
+
+
 def test_a_pilot_ends_a_policy_and_handing_back_holds(rig: Rig) -> None:
     rig.arise(PolicyCondition.LOW_BATTERY)
     pilot(rig, has_control=True)
@@ -235,6 +270,24 @@ def test_a_failsafe_s_hold_with_nobody_in_charge_ends_in_a_landing(rig: Rig) -> 
     assert (rig.executor.policy, rig.state(), rig.taken_back) == ("hold", "paused", 1)
     rig.pass_s(rig.executor.board.policies.hold_s + 1.0)
     assert rig.running() == ["policy.land"]
+
+
+def test_what_arose_under_a_failsafe_is_answered_when_it_holds_and_after_its_landing_no_component_is_lost(
+    rig: Rig,
+) -> None:
+    failsafe(rig)
+    rig.arise(PolicyCondition.LOW_BATTERY)
+    rig.executor.failsafe_holds(rig.now_s)
+    rig.settle()
+    assert rig.running() == ["policy.return_home"]
+    failsafe(rig)
+    rig.executor.pilot(False, "", rig.now_s)
+    failsafe(rig)
+    lose(rig, "images", Policy.LAND)
+    rig.fly(is_airborne=False)
+    rig.executor.failsafe_landed(rig.now_s)
+    rig.settle()
+    assert not rig.executor.board.lost
 
 
 def test_a_pilot_s_hold_and_landing_are_his_own(rig: Rig) -> None:

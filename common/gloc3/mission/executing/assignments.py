@@ -82,12 +82,12 @@ class Assignment:
 class Assignments:
     """All assignments, and the requests that they lead to."""
 
-    def __init__(self, hold_component: str) -> None:
+    def __init__(self, hold: Capability | None) -> None:
         self.by_id: dict[str, Assignment] = {}
         self.claims: dict[str, Assignment] = {}
         """Resource to its holder."""
         self.count = 0
-        self._hold = Grant(action_id="hold", component=hold_component)
+        self._hold = Grant(action_id="hold", component=hold.performed_by if hold is not None else "")
         self._granted = Grant(action_id="", component="")
         self._stops: list[Request] = []
         self._starts: list[Request] = []

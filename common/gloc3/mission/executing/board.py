@@ -183,8 +183,7 @@ class Board:
 
     def __init__(self, platform: Platform) -> None:
         self.rows: Final[dict[str, Capability]] = dict(abilities(platform))
-        hold = platform.capabilities.get("hold")
-        self.assignments: Final = Assignments(hold.performed_by if hold is not None else "")
+        self.assignments: Final = Assignments(platform.capabilities.get("hold"))
         self.programs: Final[dict[str, MissionProgram]] = {}
         """The loaded mission, and single tasks and actions, by name."""
         self.policies = Policies()
@@ -204,6 +203,8 @@ class Board:
         """Those that hold, with the reason."""
         self.unanswered: Final[dict[PolicyCondition, str]] = {}
         """Those that arose while a pilot had control."""
+        self.lost: Final[dict[str, tuple[Policy, str]]] = {}
+        """Components lost for good while a pilot had control: the policy of their row, and the reason."""
         self.others: dict[str, OtherPlatform] = {}
         """The other platforms of the running mission."""
         self.silence: PlannedSilence | None = None

@@ -5,7 +5,7 @@ caller has to execute, in order. There is one executor per platform, inside its 
 single tasks and single actions are checked before they are passed in (see `checker`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import inf
 from typing import Final, Literal
 
@@ -274,10 +274,16 @@ class MissionExecutor:
         board = self.board
         with board.because(component_cause(component)):
             if board.has_pilot:
+                board.lost[component] = policy, reason
                 board.report(Severity.ERROR, f"{component} is lost ({reason}); {board.controller} has control")
                 return
             reactions.lose_component(board, component, policy, reason, now_s)
         self.settle(now_s)
+
+    def restored(self, names: Iterable[str]) -> None:
+        """Components that work: those lost while a pilot had control are not lost any more."""
+        for name in names:
+            self.board.lost.pop(name, None)
 
     def vehicle(self, is_airborne: bool, now_s: float) -> None:
         """Whether the vehicle is in the air (also while it takes off or lands)."""

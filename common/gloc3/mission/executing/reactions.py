@@ -8,6 +8,7 @@ lost link is no fault until the stated time has passed.
 from typing import Final
 
 from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import component_cause
 from gloc3.mission.executing import manoeuvres
 from gloc3.mission.executing.board import Board, PolicyCondition, PolicyManoeuvre
 from gloc3.mission.executing.items import MissionProgram
@@ -50,6 +51,20 @@ def apply_policy(board: Board, condition: PolicyCondition, reason: str, now_s: f
     board.report(Severity.WARNING, f"{condition}{': ' + reason if reason else ''}; policy: {policy}")
     if policy in MANOEUVRES:
         manoeuvres.apply(board, policy, str(condition), now_s)
+
+
+def answer_waiting(board: Board, now_s: float) -> None:
+    """Answers what has arisen while a pilot had control, and still is so, as control is ours again."""
+    unanswered, lost = dict(board.unanswered), dict(board.lost)
+    board.unanswered.clear()
+    board.lost.clear()
+    for condition, reason in unanswered.items():
+        if condition in board.conditions:
+            with board.because(condition.cause):
+                apply_policy(board, condition, reason, now_s)
+    for component, (policy, reason) in lost.items():
+        with board.because(component_cause(component)):
+            lose_component(board, component, policy, reason, now_s)
 
 
 def lifted_off(board: Board, now_s: float) -> None:

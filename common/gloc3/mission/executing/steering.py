@@ -30,13 +30,9 @@ def take_back(board: Board, now_s: float) -> None:
         check_resumable(board, mission)
     board.has_pilot = board.is_failsafe = board.is_operator = False
     board.is_taking_back = True
-    unanswered = dict(board.unanswered)
-    board.unanswered.clear()
     if mission is not None and mission.state is ActionState.PAUSED:
         go_on(board, mission, now_s)
-    for condition, reason in unanswered.items():
-        if condition in board.conditions:
-            reactions.apply_policy(board, condition, reason, now_s)
+    reactions.answer_waiting(board, now_s)
 
 
 def resume(board: Board, item: MissionItem, now_s: float) -> None:

@@ -55,12 +55,10 @@ def unattended(board: Board, silent_s: float, now_s: float, *, is_held: bool) ->
         now_s: the time.
         is_held: whether the autopilot holds the vehicle, rather than that it is flown somewhere.
     """
-    waiting = {one: reason for one, reason in board.unanswered.items() if one in SAFETY}
+    is_waiting = not SAFETY.isdisjoint(board.unanswered)
     is_over = is_held and board.is_airborne and silent_s >= UNATTENDED_S + board.policies.hold_s
-    if not board.has_pilot or board.is_failsafe or not (waiting or is_over):
+    if not board.has_pilot or board.is_failsafe or not (is_waiting or is_over):
         return
-    for condition in waiting:
-        del board.unanswered[condition]
     why = (
         "an operator commanded the autopilot, and no pilot has control"
         if board.is_operator
@@ -69,8 +67,7 @@ def unattended(board: Board, silent_s: float, now_s: float, *, is_held: bool) ->
     take_back(board)
     with board.because(Cause.PILOT):
         board.report(Severity.WARNING, f"{why}: the mission's policies apply")
-        for condition, reason in waiting.items():
-            reactions.apply_policy(board, condition, reason, now_s)
+        reactions.answer_waiting(board, now_s)
         if is_over:
             manoeuvres.apply(board, Policy.LAND, "held, and nobody in charge", now_s)
 
@@ -80,12 +77,14 @@ def failsafe_holds(board: Board, now_s: float) -> None:
     take_back(board)
     with board.because(Cause.FAILSAFE):
         manoeuvres.apply(board, Policy.HOLD, "held by the autopilot's failsafe", now_s)
+    reactions.answer_waiting(board, now_s)
 
 
 def failsafe_landed(board: Board, now_s: float) -> None:
     """Ends all programs after the autopilot's failsafe has landed and disarmed the vehicle."""
     for program in board.programs.values():
         manoeuvres.end_program(board, program, StateTrigger.ABORT, now_s, ENDED_BY_FAILSAFE)
+    board.lost.clear()
     take_back(board)
 
 

@@ -129,6 +129,7 @@ def lap(rig: Rig) -> None:
 
 def lapping(platform: Platform) -> Rig:
     rig = Rig(platform, LOOP)
+    sense(rig, battery=0.9)
     rig.start()
     rig.fly()
     rig.done("up.climb")
@@ -153,6 +154,53 @@ def test_a_loop_ends_early_when_its_condition_holds_after_a_time(pelican: Platfo
     assert rig.running() == ["end.down"]
 
 
+@pytest.mark.parametrize(("battery", "running"), [(0.45, ["end.down"]), (0.55, ["laps.lap", "laps.look"])])
+def test_a_loop_waits_a_moment_for_what_is_not_measured_after_a_time(
+    pelican: Platform, battery: float, running: list[str]
+) -> None:
+    rig = lapping(pelican)
+    sense(rig)
+    lap(rig)
+    rig.pass_s(1.5)
+    assert rig.running() == []
+    sense(rig, battery=battery)
+    assert rig.running() == running
+
+
+def test_a_loop_goes_on_where_its_condition_stays_unknown_and_a_pause_begins_the_wait_anew(pelican: Platform) -> None:
+    rig = lapping(pelican)
+    sense(rig)
+    lap(rig)
+    rig.pass_s(1.5)
+    rig.steer("pause")
+    rig.pass_s(60.0)
+    rig.steer("resume")
+    rig.pass_s(1.5)
+    assert rig.running() == []
+    back = rig.restart(is_airborne=True)
+    back.steer("resume")
+    back.pass_s(2.5)
+    assert back.running() == ["laps.lap", "laps.look"]
+    assert back.executor.board.programs["mission"].tasks["laps"].repetition == 2
+    lap(back)
+    back.steer("skip", "laps")
+    assert back.running() == ["end.down"]
+
+
+def test_a_loop_whose_actions_were_all_aborted_is_over(pelican: Platform) -> None:
+    rig = Rig(pelican, LOOP.replace("on_failure: hold", "on_failure: continue"))
+    sense(rig, battery=0.9)
+    rig.start()
+    rig.fly()
+    rig.done("up.climb")
+    for action in ("look", "back"):
+        rig.steer("abort", f"laps.{action}")
+    assert rig.running() == ["laps.lap"]
+    rig.steer("abort", "laps.lap")
+    assert rig.state("laps") == "done"
+    assert rig.running() == ["end.down"]
+
+
 def test_a_paused_loop_does_not_begin_anew_and_a_skipped_one_ends(pelican: Platform) -> None:
     rig = lapping(pelican)
     rig.done("laps.lap")
@@ -172,6 +220,7 @@ def test_a_restart_goes_on_in_the_lap_in_which_it_was(pelican: Platform) -> None
     lap(rig)
     rig.done("laps.lap")
     back = rig.restart(is_airborne=True)
+    sense(back, battery=0.9)
     back.steer("resume")
     assert back.executor.board.programs["mission"].tasks["laps"].repetition == 2
     assert back.running() == ["laps.back", "laps.look"]

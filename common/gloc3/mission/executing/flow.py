@@ -268,14 +268,8 @@ def _go_on(board: Board, program: MissionProgram, now_s: float) -> bool:
             for run in task.actions.values():
                 if task.state is ActionState.RUNNING:  # the guard of one before may have failed it
                     has_moved |= _start_action(board, run, now_s)
-        if not task.is_open or not all(run.has_ended for run in task.actions.values()):
-            pass
-        elif is_to_repeat(board, task):
-            has_moved |= begin_repetition(board, task, now_s)
-        else:
-            board.move(task, StateTrigger.FAIL if task.blemish else StateTrigger.FINISH, now_s, task.blemish)
-            task.is_settled = True
-            has_moved = True
+        if task.is_open and all(run.has_ended for run in task.actions.values()):
+            has_moved |= _end_task(board, task, now_s)
         if not program.is_open:
             return True
     if all(task.has_ended for task in program.own_tasks):
@@ -286,6 +280,18 @@ def _go_on(board: Board, program: MissionProgram, now_s: float) -> bool:
             board.move(program, StateTrigger.FINISH, now_s)
         return True
     return has_moved
+
+
+def _end_task(board: Board, task: TaskRun, now_s: float) -> bool:
+    """Repeats a task whose actions have all ended, or ends it; whether anything has changed."""
+    is_repeated = is_to_repeat(board, task, now_s)
+    if is_repeated is None:
+        return False
+    if is_repeated:
+        return begin_repetition(board, task, now_s)
+    board.move(task, StateTrigger.FAIL if task.blemish else StateTrigger.FINISH, now_s, task.blemish)
+    task.is_settled = True
+    return True
 
 
 def _end_companion(board: Board, run: ActionRun, now_s: float) -> bool:
@@ -427,23 +433,32 @@ def guard_decision(board: Board, item: TaskRun | ActionRun, now_s: float) -> Gua
 
 
 def guard_due_s(item: TaskRun | ActionRun) -> float:
-    """When an item that waits for its guard gives up; infinite where it does not wait."""
+    """When an item that waits for its guard, or to know of its repetition, gives up; infinite where it does not wait."""
+    if isinstance(item, TaskRun) and item.unknown_since_s is not None:
+        return item.unknown_since_s + GUARD_TIMEOUT_S
     return item.gives_up_s(GUARD_TIMEOUT_S)
 
 
 def is_guard_waited_for(board: Board) -> bool:
-    """Whether any item waits for its guard."""
+    """Whether any item waits for its guard, or to know of its repetition."""
     return any(
         guard_due_s(item) < inf for program in board.programs.values() if program.is_open for item in program.items()
     )
 
 
-def is_to_repeat(board: Board, task: TaskRun) -> bool:
-    """Whether a task whose actions have all ended is to be repeated."""
-    repeat = task.repeat if task.is_open else None
+def is_to_repeat(board: Board, task: TaskRun, now_s: float) -> bool | None:
+    """Whether an open task whose actions have all ended is to be repeated; None while it waits to know."""
+    repeat = task.repeat
     if repeat is None or task.repetition >= repeat.times:
         return False
-    return repeat.until is None or not repeat.until.holds(board.readings)
+    if all(run.state is ActionState.ABORTED for run in task.actions.values()):
+        return False  # nothing is left to repeat
+    holds = repeat.until is not None and repeat.until.holds(board.readings)
+    if holds is not None or task.state is not ActionState.RUNNING:
+        return not holds
+    if task.unknown_since_s is None:
+        task.unknown_since_s = now_s
+    return None if now_s < task.unknown_since_s + GUARD_TIMEOUT_S else True
 
 
 def begin_repetition(board: Board, task: TaskRun, now_s: float) -> bool:
@@ -452,6 +467,7 @@ def begin_repetition(board: Board, task: TaskRun, now_s: float) -> bool:
     if task.state is not ActionState.RUNNING:
         return False
     task.repetition += 1
+    task.unknown_since_s = None
     for run in task.actions.values():
         if run.state is not ActionState.ABORTED:
             run.move(StateTrigger.RETRY if run.state is ActionState.FAILED else StateTrigger.REPEAT, now_s)

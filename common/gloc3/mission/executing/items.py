@@ -199,10 +199,13 @@ class TaskRun(MissionItem):
         self.repeat: Final = task.options.repeat
         self.repetition = 0
         """Current repetition, from 1; 0 where it is not repeated, or has not started."""
+        self.unknown_since_s: float | None = None
+        """Since when its repetition depends on a quantity that is not measured at the moment."""
 
     def move(self, trigger: StateTrigger, now_s: float, reason: str = "") -> None:
         """Changes the state by the table."""
         super().move(trigger, now_s, reason)
+        self.unknown_since_s = None
         if trigger is StateTrigger.START and self.repeat is not None:
             self.repetition = max(self.repetition, 1)
 

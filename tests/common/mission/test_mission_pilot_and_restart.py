@@ -362,6 +362,17 @@ def test_a_wait_goes_on_where_it_was_after_a_restart(pelican: Platform, duration
     assert again.state("sweep.wall") == "done"
 
 
+def test_a_task_that_will_end_as_failed_does_so_after_a_restart_too(pelican: Platform) -> None:
+    text = MISSION.replace("on_failure: hold", "on_failure: continue\non_restart: continue")
+    rig = flying(pelican, text)
+    rig.failed("sweep.photos")
+    again = rig.restart(is_airborne=True)
+    assert again.running() == ["sweep.wall"]
+    again.done("sweep.wall")
+    assert again.state("sweep") == "failed"
+    assert again.running() == ["recover.home"]
+
+
 def test_a_restart_on_the_ground_moves_nothing(pelican: Platform) -> None:
     rig = Rig(pelican, MISSION.replace("hold_s: 30", "hold_s: 30\non_restart: continue"))
     rig.start()

@@ -29,8 +29,6 @@ def amend(board: Board, mission: Mission, now_s: float) -> None:
     for item in new.items():
         if (was := _kept(item, old)) is not None:
             item.restore(was.snapshot(now_s), now_s)
-        if isinstance(item, TaskRun) and isinstance(was, TaskRun):
-            item.blemish = was.blemish
         if isinstance(item, ActionRun) and isinstance(was, ActionRun):
             item.action_id, item.unavailable_since_s = was.action_id, was.unavailable_since_s
     _refuse_disorder(new)

@@ -211,12 +211,12 @@ class TaskRun(MissionItem):
 
     def snapshot(self, now_s: float) -> ItemSnapshot:
         """What is kept of it."""
-        return structs.replace(super().snapshot(now_s), repetition=self.repetition)
+        return structs.replace(super().snapshot(now_s), repetition=self.repetition, blemish=self.blemish)
 
     def restore(self, kept: ItemSnapshot, now_s: float) -> None:
         """Restores the state from a snapshot."""
         super().restore(kept, now_s)
-        self.repetition = kept.repetition
+        self.repetition, self.blemish = kept.repetition, kept.blemish
 
     def adopt(self, state: ActionState, reason: str, *, is_settled: bool) -> bool:
         """Adopts the reported state of another platform's task; one that was skipped here, with a reason, stays skipped.

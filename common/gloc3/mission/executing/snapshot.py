@@ -30,6 +30,8 @@ class ItemSnapshot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """Of a task that is repeated: the time for which it is being done."""
     joined: list[str] = []
     """Of a mission: the other platforms that were seen in it before its end there, since it was loaded."""
+    blemish: str = ""
+    """Of a task that continues after a failure: why it will end as failed."""
 
 
 class ProgramSnapshot(msgspec.Struct, frozen=True, kw_only=True):

@@ -60,6 +60,46 @@ def test_a_restart_goes_on_by_the_new_text(rig: Rig, pelican: Platform) -> None:
     assert again.running() == ["north.go"]
 
 
+WAIT = "after: [up], retries: 1, when: {battery: {above: 0.5}}, otherwise: wait, deadline_s: 100"
+AGAIN = "assigned: {pelican: [south], heron: [north, east]}\n"
+TRIED = TEXT.replace("south: {platform: any, after: [up]", "south: {platform: any, " + WAIT)
+
+
+@pytest.fixture
+def tried(pelican: Platform) -> Rig:
+    """A pelican that waits with its second attempt to go south until the battery is full again."""
+    rig = Rig(pelican, TRIED + "assigned: {pelican: [south, east], heron: [north]}\n")
+    rig.executor.sensed({"battery": 0.9}, 0.0)
+    rig.start()
+    rig.fly()
+    rig.done("up.go")
+    rig.executor.sensed({"battery": 0.4}, 0.0)
+    rig.failed("south.go")
+    rig.pass_s(50.0)
+    assert rig.state("south") == "waiting"
+    return rig
+
+
+def test_what_waits_for_another_attempt_has_begun_and_has_no_more_attempts_by_another_text(tried: Rig) -> None:
+    with pytest.raises(Refused, match="south has begun: it cannot be left out"):
+        tried.executor.amend(tried.read(TRIED + "assigned: {pelican: [east], heron: [north, south]}\n"), tried.now_s)
+    tried.executor.amend(tried.read(TRIED + AGAIN), tried.now_s)
+    tried.executor.sensed({"battery": 0.9}, tried.now_s)
+    tried.settle()
+    assert tried.running() == ["south.go"]
+    tried.failed("south.go")
+    assert (tried.state("south"), tried.running()) == ("failed", ["policy.land"])
+
+
+def test_what_waits_for_its_guard_has_waited_for_as_long_by_another_text(tried: Rig) -> None:
+    tried.executor.amend(tried.read(TRIED + AGAIN), tried.now_s)
+    tried.settle()
+    tried.pass_s(49.0)
+    assert tried.state("south") == "waiting"
+    tried.pass_s(2.0)
+    assert tried.state("south") == "failed"
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [

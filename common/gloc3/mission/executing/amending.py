@@ -5,7 +5,7 @@ from dataclasses import replace
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
 from gloc3.mission.executing.board import Board, OtherPlatform
-from gloc3.mission.executing.items import MISSION, ActionRun, MissionItem, MissionProgram, TaskRun
+from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
 from gloc3.mission.model.model import Mission, Task
 from gloc3.mission.model.states import ActionState
 
@@ -66,16 +66,19 @@ def running(board: Board) -> MissionProgram:
 
 
 def begun(program: MissionProgram) -> frozenset[str]:
-    """This platform's tasks that have begun or ended."""
-    return frozenset(task.target for task in program.own_tasks if task.state is not ActionState.WAITING)
+    """This platform's tasks that have begun or ended, those included that wait for another attempt."""
+    tasks = program.own_tasks
+    return frozenset(task.target for task in tasks if task.state is not ActionState.WAITING or task.starts)
 
 
-def _kept(item: MissionItem, old: MissionProgram) -> TaskRun | ActionRun | None:
-    """The same item as it was; None for one that is new here, or has not begun."""
+def _kept(item: TaskRun | ActionRun, old: MissionProgram) -> TaskRun | ActionRun | None:
+    """The same item as it was; None for one that is new here."""
     was = old.find(item.target)
-    if isinstance(item, TaskRun) and isinstance(was, TaskRun) and item.elsewhere != was.elsewhere:
-        return None
-    return was if was is not None and was.state is not ActionState.WAITING else None
+    return was if was is not None and _performer(was) == _performer(item) else None
+
+
+def _performer(item: TaskRun | ActionRun) -> str:
+    return item.elsewhere if isinstance(item, TaskRun) else item.task.elsewhere
 
 
 def _refuse_changes(old: MissionProgram, mission: Mission) -> None:

@@ -151,6 +151,22 @@ def test_operators_pause_resume_and_skip_it_and_cannot_resume_the_mission_under_
     assert rig.running() == ["sweep.photos", "sweep.wall"]
 
 
+def test_operators_steer_it_also_where_a_single_task_of_its_name_has_ended(pelican: Platform) -> None:
+    rig = flying(pelican, mission(on_link_loss=RESUMED))
+    rig.steer("pause")
+    single = single_action("look_round", "hold", {"duration_s": 5}, None, "hold")
+    rig.executor.command(rig.read(single), rig.now_s)
+    rig.settle()
+    rig.done("look_round.hold")
+    rig.steer("resume")
+    rig.arise(PolicyCondition.LINK_LOST)
+    assert rig.running() == ["look_round.up"]
+    rig.steer("pause", "look_round")
+    assert rig.running() == []
+    rig.steer("skip", "look_round")
+    assert rig.running() == ["sweep.photos", "sweep.wall"]
+
+
 def test_a_pilot_ends_it_and_on_the_ground_none_begins(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED))
     rig.arise(PolicyCondition.LINK_LOST)

@@ -244,7 +244,7 @@ class Board:
         return "failsafe" if self.is_failsafe else "operator" if self.is_operator else "pilot"
 
     def find(self, target: str) -> MissionItem:
-        """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`.
+        """The item that an operator names: empty for the mission, `TASK`, or `TASK.ACTION`; of two the one under way.
 
         Raises:
             Refused: there is none.
@@ -253,7 +253,7 @@ class Board:
             if self.mission is None:
                 raise Refused("no mission is loaded")
             return self.mission
-        for program in self.programs.values():
+        for program in sorted(self.programs.values(), key=lambda program: not program.is_open):
             if (item := program.find(target)) is not None:
                 return item
         known = [item.target for program in self.programs.values() for item in program.items()]

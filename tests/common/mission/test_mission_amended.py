@@ -121,6 +121,21 @@ def test_what_would_change_what_has_begun_is_refused_and_nothing_changes(rig: Ri
     assert rig.running() == ["east.go"]
 
 
+def test_a_task_is_not_added_while_a_single_command_has_its_name(rig: Rig) -> None:
+    photos = "tasks: {north: {actions: {photos: {record_images: {camera: ground, every_s: 1}}}}}\n"
+    rig.executor.amend(
+        rig.read(TEXT.replace("north", "west") + "assigned: {pelican: [south, east], heron: [west]}\n"), 0.0
+    )
+    rig.executor.command(rig.read("mission: photos\nframe: hold\n" + photos), rig.now_s)
+    rig.settle()
+    with pytest.raises(Refused, match="task 'north' already exists"):
+        rig.executor.amend(rig.read(AFTER), rig.now_s)
+    rig.steer("skip", "north")
+    rig.executor.amend(rig.read(AFTER), rig.now_s)
+    rig.done("south.go")
+    assert rig.running() == ["north.go"]
+
+
 def test_a_pilot_a_policy_and_an_end_come_first(rig: Rig) -> None:
     rig.executor.pilot(True, "stick", rig.now_s)
     with pytest.raises(Refused, match="the pilot has control"):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
+from gloc3.mission.executing import flow
 from gloc3.mission.executing.board import Board, OtherPlatform
 from gloc3.mission.executing.items import MISSION, ActionRun, MissionProgram, TaskRun
 from gloc3.mission.model.model import Mission, Task
@@ -32,6 +33,7 @@ def amend(board: Board, mission: Mission, now_s: float) -> None:
         if isinstance(item, ActionRun) and isinstance(was, ActionRun):
             item.action_id, item.unavailable_since_s = was.action_id, was.unavailable_since_s
     _refuse_disorder(new)
+    flow.make_room(board, mission, [program for program in board.programs.values() if program is not old])
     for assignment in board.assignments.by_id.values():
         if assignment.run is not None and assignment.run.task.program is old:
             found = new.find(assignment.run.target)

@@ -91,14 +91,14 @@ def make_room(board: Board, mission: Mission, programs: Iterable[MissionProgram]
     """Makes room for new tasks: single commands that have ended go.
 
     Raises:
-        Refused: one of the programs has a task of that name.
+        Refused: one of the programs has a task of that name; nothing has changed.
     """
-    for name in [name for name, previous in board.programs.items() if name != MISSION and not previous.is_open]:
-        del board.programs[name]
-    claimed = {task for program in programs if program.name in board.programs for task in program.tasks}
+    claimed = {task for program in programs if program.is_open or program.is_mission for task in program.tasks}
     for task in mission.tasks:
         if task in claimed:
             raise Refused(f"task {task!r} already exists")
+    for name in [name for name, previous in board.programs.items() if name != MISSION and not previous.is_open]:
+        del board.programs[name]
 
 
 def redirected(board: Board, mission: Mission) -> MissionProgram | None:

@@ -151,6 +151,20 @@ def test_operators_pause_resume_and_skip_it_and_cannot_resume_the_mission_under_
     assert rig.running() == ["sweep.photos", "sweep.wall"]
 
 
+@pytest.mark.parametrize(
+    ("on_failure", "then", "policy"),
+    [("hold", "resume", "hold"), ("land", "resume", "land"), ("hold", "land", "land"), ("land", "land", "land")],
+)
+def test_an_abort_of_the_mission_ends_it_and_the_more_severe_of_what_follows_both_is_done(
+    pelican: Platform, on_failure: str, then: str, policy: str
+) -> None:
+    rig = flying(pelican, mission(on_failure=on_failure, on_link_loss=f"{{task: look_round, then: {then}}}"))
+    rig.arise(PolicyCondition.LINK_LOST)
+    rig.steer("abort")
+    assert (rig.state(), rig.state("look_round.up"), rig.executor.policy) == ("aborted", "aborted", policy)
+    assert rig.running() == ([] if policy == "hold" else ["policy.land"])
+
+
 def test_operators_steer_it_also_where_a_single_task_of_its_name_has_ended(pelican: Platform) -> None:
     rig = flying(pelican, mission(on_link_loss=RESUMED))
     rig.steer("pause")

@@ -10,7 +10,7 @@ from gloc3.mission.executing.failures import reopen, retry
 from gloc3.mission.executing.flow import busy, go_on_after_pause
 from gloc3.mission.executing.items import ActionRun, MissionItem, MissionProgram, TaskRun
 from gloc3.mission.model.arguments import LandOrder
-from gloc3.mission.model.policy import MANOEUVRES, Policy, resolved
+from gloc3.mission.model.policy import MANOEUVRES, SEVERITY, Policy, resolved
 from gloc3.mission.model.states import ActionState, StateTrigger
 
 UNSEEN_S: Final = 1.0
@@ -104,6 +104,10 @@ def _follow_abort(board: Board, program: MissionProgram, now_s: float, *, is_who
     if board.has_pilot or not (is_whole or on_failure in MANOEUVRES):
         return
     policy = resolved(Policy.ABORT, on_failure)
+    current = board.manoeuvre
+    if is_whole and current is not None and current.contingency is not None:
+        policy = max(policy, current.policy, key=lambda one: SEVERITY[one])  # what would have followed it
+        manoeuvres.stop(board, now_s)
     manoeuvres.apply(board, policy, f"abort {BY_OPERATOR}", now_s, StateTrigger.ABORT)
 
 

@@ -146,6 +146,26 @@ def test_a_component_lost_under_the_pilot_is_answered_when_he_has_handed_back(ri
     assert rig.state() == "failed"
 
 
+def test_a_restart_under_the_pilot_loses_none_of_the_lost_components(rig: Rig) -> None:
+    pilot(rig, has_control=True)
+    lose(rig, "images", Policy.LAND)
+    again = rig.restart(is_airborne=True)
+    again.pass_s(1)
+    again.steer("resume")
+    assert again.running() == ["policy.land"]
+
+
+def test_a_hand_back_without_a_mission_is_known_after_a_restart(pelican: Platform) -> None:
+    rig = Rig(pelican)
+    rig.fly()
+    pilot(rig, has_control=True)
+    assert rig.kept is not None
+    assert rig.kept.has_pilot
+    rig.pass_s(1)
+    rig.steer("resume")
+    assert not rig.kept.has_pilot
+
+
 def test_a_component_that_works_again_before_the_pilot_hands_back_is_not_lost(rig: Rig) -> None:
     pilot(rig, has_control=True)
     lose(rig, "images", Policy.LAND)

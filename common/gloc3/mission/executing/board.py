@@ -374,6 +374,7 @@ class Board:
             cause=self.manoeuvre.cause if self.manoeuvre is not None else "",
             land_at_s=self.manoeuvre.land_at_s if self.manoeuvre is not None else None,
             has_pilot=self.has_pilot,
+            lost=dict(self.lost),
             silence=self.silence,
             contingency=self.manoeuvre.contingency if self.manoeuvre is not None else None,
             kept_s=now_s,

@@ -274,7 +274,7 @@ class MissionExecutor:
         board = self.board
         with board.because(component_cause(component)):
             if board.has_pilot:
-                board.lost[component] = policy, reason
+                board.lost[component], board.is_changed = (policy, reason), True
                 board.report(Severity.ERROR, f"{component} is lost ({reason}); {board.controller} has control")
                 return
             reactions.lose_component(board, component, policy, reason, now_s)
@@ -282,8 +282,9 @@ class MissionExecutor:
 
     def restored(self, names: Iterable[str]) -> None:
         """Components that work: those lost while a pilot had control are not lost any more."""
-        for name in names:
-            self.board.lost.pop(name, None)
+        for name in self.board.lost.keys() & names:
+            del self.board.lost[name]
+            self.board.is_changed = True
 
     def vehicle(self, is_airborne: bool, now_s: float) -> None:
         """Whether the vehicle is in the air (also while it takes off or lands)."""

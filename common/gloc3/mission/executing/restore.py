@@ -62,6 +62,7 @@ def restore(
     board.silence = restored_silence(snapshot.silence, now_s)
     mission = board.mission
     if snapshot.has_pilot:
+        board.lost.update(snapshot.lost)
         executor.pilot(True, f"as before the {RESTART}", now_s)
     elif board.manoeuvre is not None and board.manoeuvre.program is not None:
         _continue_policy(executor, board.manoeuvre.program, now_s)

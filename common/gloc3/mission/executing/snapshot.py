@@ -71,6 +71,8 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     an operator, who ends it."""
     has_pilot: bool = False
     """A pilot has control, and no operator has resumed since."""
+    lost: dict[str, tuple[Policy, str]] = {}
+    """Components lost for good since then: the policy of their row, and the reason."""
     silence: PlannedSilence | None = None
     """The planned silence under way; its times are those of the process that saved it."""
     contingency: Contingency | None = None

@@ -4,7 +4,7 @@ from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Severity
-from gloc3.mission.executing import manoeuvres, reactions
+from gloc3.mission.executing import manoeuvres, reactions, takeovers
 from gloc3.mission.executing.board import BY_OPERATOR, Board
 from gloc3.mission.executing.failures import reopen, retry
 from gloc3.mission.executing.flow import busy, go_on_after_pause
@@ -28,8 +28,7 @@ def take_back(board: Board, now_s: float) -> None:
         raise Refused("a pilot has taken over within the last second; resume again to take the vehicle back")
     if mission is not None and mission.state is ActionState.PAUSED:
         check_resumable(board, mission)
-    board.has_pilot = board.is_failsafe = board.is_operator = False
-    board.is_taking_back = True
+    takeovers.take_back(board)
     if mission is not None and mission.state is ActionState.PAUSED:
         go_on(board, mission, now_s)
     reactions.answer_waiting(board, now_s)

@@ -141,7 +141,7 @@ class SensorSampler(Component[S]):
 
     @cached_property
     def until_stop(self) -> ExitStack:
-        """What `start()` enters here, such as an open device, ends with `stop()`."""
+        """What `start()` enters here, such as an open device, ends with `stop()`, or with the `start()` if that fails."""
         return ExitStack()
 
     def stop(self) -> None:

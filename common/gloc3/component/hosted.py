@@ -235,13 +235,20 @@ class HostedComponent:
     # --- errors ---
 
     def fault(
-        self, cause: str, error: BaseException | None, *, is_stopped: bool = False, is_device_safe: bool = False
+        self,
+        cause: str,
+        error: BaseException | None,
+        *,
+        is_started: bool = False,
+        is_stopped: bool = False,
+        is_device_safe: bool = False,
     ) -> None:
         """Turns faulty: ends the cycles, makes the device safe, calls `stop()` once, and reports the fault.
 
         Args:
             cause: one line.
             error: the exception, if any.
+            is_started: whether `start()` has ended, in a state other than working and quiet.
             is_stopped: whether `stop()` has been called already.
             is_device_safe: whether the failed job has made the device safe already.
         """
@@ -250,7 +257,7 @@ class HostedComponent:
         self.gate.is_shut = True
         self.gate = Gate()
         methods = [MAKE_SAFE] if self.is_device_live and not is_device_safe else []
-        methods += ["stop"] if was in OPERATING and not is_stopped else []
+        methods += ["stop"] if (was in OPERATING or is_started) and not is_stopped else []
         self.is_device_live = False
         is_exhausted = is_out_of_memory(error)
         if is_exhausted:
@@ -294,12 +301,13 @@ class HostedComponent:
 
     def _give_up(self, cause: str) -> None:
         """Abandons a job that is stuck and notifies all waiting callers."""
-        called = self._transition.called if self._transition else []
-        self._transition = None
+        job, self._transition = self._transition, None
+        called = job.called if job else []
+        is_started = job is not None and job.abandon()
         self._is_stuck = True
         self._is_finish_left_out = self._is_finish_left_out or called[-1:] == ["finish"]
         reported = self.jobs.abandon()
-        self.fault(cause, None, is_stopped="stop" in called)
+        self.fault(cause, None, is_started=is_started, is_stopped="stop" in called)
         for gave_up in reported:
             gave_up(cause)
 

@@ -1,11 +1,12 @@
 """Jobs of a host's worker: a sequence of methods, one function, or a cycle; each guarded and gated."""
 
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Self
 
 import msgspec
 
-from gloc3.component.component import ActuatorDriver, Component, FunctionEntry
+from gloc3.component.component import ActuatorDriver, Component, FunctionEntry, SensorSampler
 from gloc3.component.data_logger import read_items
 from gloc3.component.error_handler import CountedError
 from gloc3.component.outlets import Outlets, Routed
@@ -86,6 +87,8 @@ class ComponentJob:
 class MethodJob(ComponentJob):
     """Runs methods in order; tolerated methods may fail, any other error ends the job.
 
+    A `start()` that fails or returns after its time-out is undone here, since no `stop()` follows.
+
     Args:
         component: owner of the methods.
         methods: their names.
@@ -113,6 +116,23 @@ class MethodJob(ComponentJob):
         self._methods = methods
         self._tolerated = tolerated
         self._create = create
+        self._is_over = False
+        self._end_lock = threading.Lock()
+
+    def run(self) -> Self:
+        """On the worker; does not raise."""
+        super().run()
+        with self._end_lock:
+            self._is_over, is_late = True, self._gate.is_shut
+        if "start" in self.called and (is_late or self.error is not None):
+            self._undo_start()
+        return self
+
+    def abandon(self) -> bool:
+        """Shuts the gate, in the loop's thread; returns whether `start()` has ended already, so that `stop()` is due."""
+        with self._end_lock:
+            self._gate.is_shut = True
+            return self._is_over and "start" in self.called and self.error is None
 
     @property
     def is_refused(self) -> bool:
@@ -134,6 +154,15 @@ class MethodJob(ComponentJob):
                     self.failures.append(CountedError(name, error))
             else:
                 getattr(self.component, name)(*arguments)
+
+    def _undo_start(self) -> None:
+        error: BaseException | None = None
+        if self.error is None:
+            _, error = guard(self.component.stop)
+        elif isinstance(self.component, SensorSampler):
+            _, error = guard(self.component.until_stop.close)
+        if error is not None:
+            self.failures.append(CountedError("stop", error))
 
 
 class FunctionJob(ComponentJob):

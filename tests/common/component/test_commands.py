@@ -150,7 +150,7 @@ def test_no_cycle_begins_while_a_command_is_carried_out() -> None:
     ("command", "before", "methods"),
     [
         ("initialize", [], ["initialize"]),
-        ("start", ["initialize"], ["start"]),
+        ("start", ["initialize"], ["start", "stop"]),
         ("finish", ["initialize"], ["finish"]),
         ("stop", ["initialize", "start"], ["stop"]),
         ("stop", ["initialize", "start", "goquiet"], ["stop"]),

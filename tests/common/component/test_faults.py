@@ -7,10 +7,11 @@ from weakref import ReferenceType, ref
 
 import pytest
 
+from gloc3.component.component import SensorSampler
 from gloc3.component.lci import State
 from gloc3.component.ports import Actuation, PortReport
 from gloc3.component.test_bench import Bench
-from gloc3.errors import Gloc3Error
+from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Event, Severity
 
 from .specimen import Diary, Number, Specimen, row
@@ -216,6 +217,44 @@ def test_an_error_outside_of_working_and_quiet_calls_no_stop(method: str) -> Non
         bench.host(row(), lambda: Specimen(diary))
         assert bench.state("specimen") is State.FAULTY
         assert "stop" not in diary.calls
+
+
+class TwoDevices(SensorSampler):
+    """Opens one device, then another; writes down what happens to the first."""
+
+    def __init__(self, diary: Diary) -> None:
+        self._diary = diary
+
+    def start(self) -> None:
+        self._diary.note("open")
+        self.until_stop.callback(self._diary.note, "close")
+        self._diary.note("second")
+
+    def work(self, now_s: float, inbox: Any) -> Any:
+        return []
+
+
+@pytest.mark.parametrize("error", [Gloc3Error("not there"), Refused("not now"), MemoryError()], ids=repr)
+def test_what_a_start_that_fails_has_opened_is_closed(error: Exception) -> None:
+    diary = Diary()
+    diary.errors["second"] = error
+    with Bench() as bench:
+        bench.host(row(begin="idle"), lambda: TwoDevices(diary))
+        assert not bench.command("specimen", "initialize", None, "start").is_accepted
+        assert diary.calls == ["open", "second", "close"]
+        diary.errors.clear()
+        assert bench.command("specimen", "initialize", None, "start").is_accepted
+        bench.command("specimen", "stop")
+        assert diary.calls == ["open", "second", "close"] * 2
+
+
+def test_an_error_in_closing_what_a_failed_start_has_opened_is_only_counted() -> None:
+    diary = Diary()
+    diary.errors = {"second": Gloc3Error("not there"), "close": ValueError("odd")}
+    with Bench() as bench:
+        bench.host(row(), lambda: TwoDevices(diary))
+        assert bench.last("components/specimen/status").cause == "not there"
+        assert list(bench.hosts["specimen"].errors.causes) == ["stop: ValueError: odd", "not there"]
 
 
 def test_the_error_handler_keeps_cause_count_first_and_last_time_and_tells_the_traceback_once() -> None:

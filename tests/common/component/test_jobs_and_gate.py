@@ -10,7 +10,7 @@ from gloc3.component.outlets import Outlets
 from gloc3.errors import Refused
 from gloc3.messages.topics import TopicTable
 
-from .specimen import Diary, Driver, Scale, Scaled, row
+from .specimen import Diary, Driver, Scale, Scaled, SpecimenSettings, row
 
 
 class Scene:
@@ -82,6 +82,30 @@ def test_a_job_behind_a_shut_gate_is_skipped(make: Callable[[Scene], MethodJob |
     job.run()
     assert job.is_skipped
     assert scene.diary.calls == []
+
+
+def test_a_start_that_ends_after_it_was_given_up_is_stopped_on_its_own_thread() -> None:
+    scene = Scene()
+    job = scene.method_job("start")
+    scene.diary.acts["start"] = lambda: job.abandon() and scene.diary.note("stop by the host")
+    job.run()
+    assert scene.diary.calls == ["start", "stop"]
+
+
+def test_a_start_that_had_ended_when_it_was_given_up_is_left_to_the_host_to_stop() -> None:
+    for methods, error, is_started in (
+        (["start"], None, True),
+        (["initialize"], None, False),
+        (["start"], ValueError(), False),
+    ):
+        scene = Scene()
+        if error is not None:
+            scene.diary.errors["start"] = error
+        job = MethodJob(scene.driver, methods, scene.gate, settings=SpecimenSettings())
+        job.run()
+        assert job.abandon() is is_started
+        assert scene.diary.calls == methods
+        assert scene.gate.is_shut
 
 
 def test_a_refusal_is_one_only_before_anything_has_been_changed() -> None:

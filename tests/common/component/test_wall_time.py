@@ -192,6 +192,26 @@ def test_a_stuck_method_is_a_time_out_and_its_component_can_be_brought_up_again(
     in_wall_time(main)
 
 
+def test_a_start_that_returns_after_its_time_out_is_stopped_and_does_not_disturb_the_next() -> None:
+    async def main() -> None:
+        release = threading.Event()
+        diary = Diary()
+        diary.acts["start"] = release.wait
+        with site() as here:
+            host = here.host(lambda: Specimen(diary), timeout_s=0.25)
+            await here.until(lambda: host.state is State.FAULTY)
+            late = [thread for thread in threading.enumerate() if thread.name == "specimen"]
+            assert diary.methods()[-1] == "start"
+            release.set()
+            late[0].join(5.0)
+            assert diary.methods()[-2:] == ["start", "stop"]
+            diary.acts.clear()
+            assert (await here.command("initialize", "start")).state is State.WORKING
+            assert diary.methods().count("stop") == 1
+
+    in_wall_time(main)
+
+
 def test_a_component_whose_finish_is_stuck_too_can_be_brought_up_at_the_second_try() -> None:
     async def main() -> None:
         release = threading.Event()

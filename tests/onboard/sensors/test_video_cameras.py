@@ -1,6 +1,7 @@
 """Cameras by VideoCapture, in wall time: files through the same class as hardware; loss, re-opening, and clear refusals."""
 
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from tests.onboard.scripted_sources import ScriptedSource, picture
 
+from gloc3.clock import VirtualLoop
 from gloc3.errors import Gloc3Error
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors import threaded
@@ -18,7 +20,7 @@ from gloc3_onboard.sensors.camera_sources.camera import VideoCamera
 from gloc3_onboard.sensors.camera_sources.stereo import PairedCameras, SideBySide, half
 from gloc3_onboard.sensors.devices import StampedImage
 from gloc3_onboard.sensors.pictures import pixels_for_people
-from gloc3_onboard.sensors.registry import parse_source
+from gloc3_onboard.sensors.registry import SourceHost, make_sources, parse_source
 from gloc3_onboard.sensors.source_url import device_problem
 from gloc3_onboard.sensors.threaded import ThreadedSource
 
@@ -261,9 +263,48 @@ def test_frames_of_two_cameras_are_paired_by_their_times() -> None:
     assert not left.is_open
 
 
-def test_a_pair_of_which_one_camera_cannot_be_opened_is_not_open() -> None:
-    left, right = ScriptedSource(), ScriptedSource()
-    right.lost = "unplugged"
-    with pytest.raises(Gloc3Error, match="unplugged"):
-        PairedCameras(left, right, 0.005).open()
-    assert not left.is_open
+@pytest.mark.parametrize("is_virtual", [True, False])
+@pytest.mark.parametrize("lost", [["left"], ["right"], ["left", "right"]])
+def test_a_pair_of_which_one_camera_cannot_be_opened_is_not_open(lost: list[str], is_virtual: bool) -> None:
+    cameras = {"left": ScriptedSource(), "right": ScriptedSource()}
+    for side in lost:
+        cameras[side].lost = f"{side} is unplugged"
+    with pytest.raises(Gloc3Error, match=f"{lost[0]} is unplugged"):
+        PairedCameras(cameras["left"], cameras["right"], 0.005, is_virtual=is_virtual).open()
+    assert not cameras["left"].is_open
+    assert not cameras["right"].is_open
+
+
+def test_both_cameras_of_a_pair_open_at_the_same_time() -> None:
+    both = threading.Barrier(2, timeout=WITHIN_S)
+
+    class Slow(ScriptedSource):
+        def open(self) -> None:
+            both.wait()
+            super().open()
+
+    left, right = Slow(), Slow()
+    PairedCameras(left, right, 0.005).open()
+    assert left.is_open
+    assert right.is_open
+
+
+def test_in_virtual_time_the_cameras_of_a_pair_open_in_order_in_the_loops_thread(tmp_path: Path) -> None:
+    opened: list[tuple[str, threading.Thread]] = []
+
+    class Noting(ScriptedSource):
+        def __init__(self, name: str) -> None:
+            super().__init__()
+            self.name = name
+
+        def open(self) -> None:
+            opened.append((self.name, threading.current_thread()))
+
+    loop = VirtualLoop()
+    urls = {"stereo_camera": "pair://left_camera,right_camera", "left_camera": "none://", "right_camera": "none://"}
+    host = SourceHost(loop, tmp_path, lambda boot_s: boot_s)
+    pair = make_sources(urls, host)["stereo_camera"]
+    pair._left, pair._right = Noting("left"), Noting("right")
+    pair.open()
+    loop.close()
+    assert opened == [("left", threading.current_thread()), ("right", threading.current_thread())]

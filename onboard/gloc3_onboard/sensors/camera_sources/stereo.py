@@ -1,13 +1,15 @@
 """Stereo cameras: two cameras that expose at the same time, one picture with both sides, and their replay from logs."""
 
+import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from gloc3.clock import Clock
+from gloc3.component.workers import guard
 from gloc3.errors import Refused, nearest
 from gloc3.messages.vehicle import Image
 from gloc3_onboard.sensors.devices import Camera, StampedImage, StampedPair, StereoCamera, Unwatch
@@ -29,27 +31,42 @@ class PairedCameras:
         left: left camera; opened and closed with the pair.
         right: right camera; likewise.
         within_s: largest time difference within a pair.
+        is_virtual: whether they are opened one after the other, without a thread, as virtual time demands.
     """
 
-    def __init__(self, left: Camera, right: Camera, within_s: float) -> None:
-        self._left, self._right, self._within_s = left, right, within_s
+    def __init__(self, left: Camera, right: Camera, within_s: float, *, is_virtual: bool = False) -> None:
+        self._left, self._right, self._within_s, self._is_virtual = left, right, within_s, is_virtual
         self._lefts: deque[StampedImage] = deque(maxlen=KEPT)
         self._rights: deque[StampedImage] = deque(maxlen=KEPT)
         self._latest: StampedPair | None = None
 
     def open(self) -> None:
-        """Opens both.
+        """Opens both, at the same time: each may take nearly as long as a start may.
 
         Raises:
             Gloc3Error: one of them cannot be had.
         """
         self._lefts.clear()
         self._rights.clear()
-        with ExitStack() as undo:
-            self._left.open()
-            undo.callback(self._left.close)
-            self._right.open()
-            undo.pop_all()
+        errors: list[BaseException | None] = [None, None]
+
+        def open_left() -> None:
+            _, errors[0] = guard(self._left.open)
+
+        opening = threading.Thread(target=open_left, name="pair", daemon=True)
+        if self._is_virtual:
+            open_left()
+        else:
+            opening.start()
+        _, errors[1] = guard(self._right.open)
+        if not self._is_virtual:
+            opening.join()
+        failed = errors[0] or errors[1]
+        if failed is not None:
+            for camera, error in zip((self._left, self._right), errors, strict=True):
+                if error is None:
+                    camera.close()
+            raise failed
 
     def close(self) -> None:
         """Closes both."""
@@ -183,7 +200,8 @@ def _make(request: SourceRequest) -> PairedCameras:
         if side not in known:
             raise Refused(f"{name}: there is no camera {side!r}; {nearest(side, known)}")
     left, right = map(request.other, sides)
-    return PairedCameras(left, right, url.number("within_s", WITHIN_S))
+    is_virtual = Clock(request.host.loop).is_virtual
+    return PairedCameras(left, right, url.number("within_s", WITHIN_S), is_virtual=is_virtual)
 
 
 SENSORS: Final = (SensorKind(STEREO, ReplayStereoCamera, _recorded, _poll, pair_names),)

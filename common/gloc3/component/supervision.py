@@ -87,8 +87,6 @@ class _Watched:
         """None while no status is expected."""
         self.reason = ""
         """Why it fails; empty while it does not."""
-        self.is_lost = False
-        """Whether the verdict about this failure has been issued."""
         self.attempts = 0
         self.due_s: float | None = None
         """When it is re-initialized."""
@@ -96,11 +94,10 @@ class _Watched:
         self.has_been_up = False
         """Whether it was ever seen working or quiet, or has failed: until then it is still coming."""
         self.pending: _Pending | None = None
-
-    def recover(self) -> None:
-        """It does not fail any more."""
-        self.reason = ""
-        self.is_lost = False
+        self.left_in: State | None = None
+        """The state in which our last order has left it, until it is seen in another one."""
+        self.is_passed_over = False
+        """Whether it has not taken over when it was told to."""
 
     @property
     def silent_at_s(self) -> float | None:
@@ -115,14 +112,27 @@ class _Group:
         self.primary: Final = primary
         self.members: Final = members
         self.in_charge = primary
+        self.is_lost = False
+        """Whether the verdict about the loss of their function has been issued."""
 
-    def successor(self, besides: _Watched | None) -> _Watched | None:
+    @property
+    def is_handing_over(self) -> bool:
+        """Whether a member has been told to take over and has not answered."""
+        return any(member.pending is not None and member.pending.is_resume for member in self.members)
+
+    def recover(self, member: _Watched) -> None:
+        """A member does not fail any more."""
+        member.reason = ""
+        if self.in_charge is member:
+            self.is_lost = False
+
+    def successor(self, failed: _Watched) -> _Watched | None:
         """The quiet member that takes over, the one that the primary's row names first."""
         wanted = self.primary.on_fault.standby
         if wanted is None:
             return None
-        quiet = [member for member in self.members if member.state is State.QUIET and member is not besides]
-        ready = [member for member in quiet if member.pending is None]
+        quiet = [member for member in self.members if member.state is State.QUIET and member is not failed]
+        ready = [member for member in quiet if member.pending is None and not member.is_passed_over]
         return min(ready, key=lambda member: member.row.name != wanted, default=None)
 
 
@@ -202,9 +212,12 @@ class Supervision:
         watched = self._watched.get(status.name)
         if watched is None:
             return []
+        group = self._groups[status.name]
+        watched.is_passed_over = watched.is_passed_over and group.is_handing_over
         if watched.received_s is None:  # it comes, or comes back
-            watched.recover()
             self._next_s = -inf
+            if watched.pending is None:
+                group.recover(watched)
         watched.state = status.state
         watched.received_s = None if status.state is None else now_s
         if watched.pending is not None:  # what we have asked for is under way: its reply decides
@@ -216,8 +229,9 @@ class Supervision:
         watched = self._watched.get(component)
         if watched is None:
             return []
+        steps = list(self._fell_silent(watched, now_s, reason))
         watched.pending = None
-        return list(self._fell_silent(watched, now_s, reason))
+        return steps
 
     def receive_reply(self, reply: CommandReply, now_s: float) -> list[Step]:
         """Handles the reply to one of the supervisor's commands; ignores other replies."""
@@ -230,6 +244,7 @@ class Supervision:
         watched.state = reply.state
         watched.received_s = None if reply.state is None else now_s
         if reply.is_accepted:
+            watched.left_in = reply.state
             return list(self._judge(watched, "", now_s))
         return list(self._not_done(watched, pending, reply.reason, now_s))
 
@@ -269,12 +284,21 @@ class Supervision:
     def _judge(self, watched: _Watched, cause: str, now_s: float) -> Iterator[Step]:
         """What follows from a component's state."""
         watched.has_been_up |= watched.state is State.FAULTY or watched.state in OPERATING
+        left_in, watched.left_in = watched.left_in, None
         if watched.state is State.FAULTY:
-            if not watched.reason:
+            if not watched.reason or left_in is State.QUIET:
                 yield from self._fail(watched, cause or "faulty", now_s)
             return
+        group = self._groups[watched.row.name]
+        if watched.reason and watched.state is left_in:
+            if left_in not in OPERATING:  # it waits for the next attempt
+                watched.left_in = left_in
+                return
+            if left_in is State.QUIET and group.in_charge is watched:  # nobody else has taken over
+                yield self._order(watched, (Command.RESUME,), watched.reason, now_s, limit_s=RESUME_LIMIT_S)
+                return
         watched.due_s = None
-        watched.recover()
+        group.recover(watched)
         if watched.state not in OPERATING:  # somebody took it down, or brings it up
             watched.up_since_s = None
             watched.attempts = 0
@@ -283,10 +307,8 @@ class Supervision:
             watched.up_since_s = now_s
         if watched.state is State.WORKING:
             yield from self._keep_one_publisher(watched, now_s)
-        else:
-            charge = self._groups[watched.row.name].in_charge
-            if charge.reason and charge.pending is None:
-                yield from self._hand_over(charge, now_s)
+        elif group.in_charge.reason and group.in_charge.pending is None:
+            yield from self._hand_over(group.in_charge, now_s)
 
     def _keep_one_publisher(self, watched: _Watched, now_s: float) -> Iterator[Step]:
         """Keeps at most one of a group active: commands the second one to go quiet.
@@ -311,13 +333,17 @@ class Supervision:
             watched.attempts = 0
         watched.up_since_s = None
         watched.reason = reason
+        yield from self._replace(watched, now_s)
+
+    def _replace(self, watched: _Watched, now_s: float) -> Iterator[Step]:
+        """What follows as long as a component fails."""
         if self._groups[watched.row.name].in_charge is watched:
             yield from self._hand_over(watched, now_s)
         yield from self._schedule(watched, now_s)
 
-    def _hand_over(self, failed: _Watched, now_s: float, besides: _Watched | None = None) -> Iterator[LciRequest]:
+    def _hand_over(self, failed: _Watched, now_s: float) -> Iterator[LciRequest]:
         group = self._groups[failed.row.name]
-        successor = group.successor(besides)
+        successor = group.successor(failed)
         if successor is not None:
             group.in_charge = successor
             reason = f"{failed.row.name}: {failed.reason}"
@@ -325,41 +351,51 @@ class Supervision:
 
     def _schedule(self, watched: _Watched, now_s: float) -> Iterator[SupervisionVerdict]:
         plan: Reinitialize | None = watched.on_fault.reinitialize
-        if watched.state is State.FAULTY and plan is not None and watched.attempts < plan.times:
+        is_left_down = watched.left_in is not None and watched.left_in not in OPERATING
+        is_down = watched.state is State.FAULTY or is_left_down
+        if is_down and plan is not None and watched.attempts < plan.times:
             watched.due_s = now_s + plan.back_off_s * 2.0**watched.attempts
             self._next_s = -inf
             return
         group = self._groups[watched.row.name]
-        if watched.state is State.FAULTY and self.is_under_way and (watched.row.required or group.primary.row.required):
+        if is_down and self.is_under_way and (watched.row.required or group.primary.row.required):
             watched.due_s = now_s + KEEP_TRYING_S
             self._next_s = -inf
         policy = group.primary.on_fault.then
-        is_reported = watched.is_lost or watched.attempts > (0 if plan is None else plan.times)
+        is_reported = group.is_lost or watched.attempts > (0 if plan is None else plan.times)
         if group.in_charge is watched and policy is not FaultPolicy.IGNORE and not is_reported:
-            watched.is_lost = True
+            group.is_lost = True
             yield SupervisionVerdict(watched.row.name, policy, watched.reason)
 
     def _not_done(self, watched: _Watched, pending: _Pending, reason: str, now_s: float) -> Iterator[Step]:
         """Handles a supervisor's command that was refused, failed, or not answered."""
         group = self._groups[watched.row.name]
+        is_taken_down = pending.is_resume and watched.state is not State.QUIET  # by somebody else
+        watched.left_in = None if is_taken_down else watched.state
+        has_nobody = False
         if pending.is_resume and group.in_charge is watched and watched.state is not State.WORKING:
+            watched.is_passed_over = True
             failed = next((member for member in group.members if member is not watched and member.reason), None)
+            has_nobody = failed is None
             if failed is not None:
                 group.in_charge = failed
-                yield from self._hand_over(failed, now_s, besides=watched)
+                yield from self._hand_over(failed, now_s)
                 if group.in_charge is failed and failed.due_s is None and failed.pending is None:
                     yield from self._schedule(failed, now_s)
-        if watched.state is State.FAULTY:
+        is_left_down = watched.reason and watched.left_in not in (None, *OPERATING)
+        if watched.state is State.FAULTY or is_left_down or has_nobody:
             if watched.reason:
-                yield from self._schedule(watched, now_s)
+                yield from self._replace(watched, now_s)
             else:
                 yield from self._fail(watched, reason, now_s)
 
     def _fell_silent(self, watched: _Watched, now_s: float, reason: str = SILENT) -> Iterator[Step]:
         was, watched.state = watched.state, None
-        watched.received_s = watched.due_s = None
-        if was in OPERATING:
+        watched.received_s = watched.due_s = watched.left_in = None
+        if was in OPERATING or (not watched.reason and (was is State.FAULTY or watched.pending is not None)):
             yield from self._fail(watched, reason, now_s)
+        elif watched.reason:
+            yield from self._replace(watched, now_s)
 
     def _order(
         self,

@@ -13,6 +13,7 @@ from gloc3.component.supervision import (
     KEEP_TRYING_S,
     STABLE_S,
     LciRequest,
+    Step,
     Supervision,
     SupervisionVerdict,
 )
@@ -59,6 +60,47 @@ def test_a_component_that_is_lost_with_its_host_is_not_waited_for_but_its_policy
     assert supervision.lose("alone", reason, 2.0) == []
     assert supervision.tick(60.0) == []
     assert supervision.lose("nobody", reason, 2.0) == []
+
+
+@pytest.mark.parametrize("is_told", [True, False], ids=["host lost", "silent"])
+@pytest.mark.parametrize("is_under_way", [True, False], ids=["in the air", "on the ground"])
+@pytest.mark.parametrize("state", [State.FAULTY, State.IDLE, State.STANDBY, State.WORKING])
+def test_a_faulty_component_that_is_lost_before_it_is_up_again_is_not_waited_for(
+    state: State, is_under_way: bool, is_told: bool
+) -> None:
+    supervision = Supervision(ALONE)
+    supervision.is_under_way = is_under_way
+    reported(supervision, 0.0, alone=State.WORKING)
+    assert reported(supervision, 1.0, alone=State.FAULTY) == []
+    if state is not State.FAULTY:
+        assert words(supervision.tick(1.5)) == ["alone: initialize start"]
+        assert reported(supervision, 1.6, alone=state) == []
+    steps = supervision.lose("alone", "host vision is lost", 1.7) if is_told else []
+    for second in range(2, 60):
+        steps += supervision.tick(float(second))
+    assert [words([step]) for step in steps if isinstance(step, SupervisionVerdict)] == [["alone: hold!"]]
+
+
+def test_a_standby_that_fails_and_is_lost_while_it_takes_over_leaves_the_charge_to_its_primary() -> None:
+    supervision = pair()
+    assert words(reported(supervision, 1.0, main=State.FAULTY)) == ["spare: resume"]
+    (up,) = supervision.tick(1.5)
+    assert reported(supervision, 1.6, spare=State.FAULTY) == []
+    supervision.lose("spare", "host vision is lost", 1.7)
+    assert words(supervision.receive_reply(reply_to(up, State.QUIET), 1.8)) == ["main: resume"]
+    assert supervision.in_charge("main") == "main"
+
+
+def test_what_is_refused_while_a_component_is_brought_up_is_tried_again_and_then_it_is_lost() -> None:
+    supervision = Supervision(ALONE)
+    reported(supervision, 0.0, alone=State.WORKING)
+    reported(supervision, 1.0, alone=State.FAULTY)
+    steps: list[Step] = []
+    for tenth in range(11, 300):
+        for step in supervision.tick(0.1 * tenth):
+            steps += [step, *supervision.receive_reply(reply_to(step, State.STANDBY, "not now"), 0.1 * tenth)]
+        steps += steps and reported(supervision, 0.1 * tenth, alone=State.STANDBY)
+    assert words(steps) == [*["alone: initialize start"] * 3, "alone: hold!"]
 
 
 def test_without_a_standby_a_component_is_initialized_again_with_pauses_that_double_and_then_it_is_lost() -> None:
@@ -163,6 +205,68 @@ def test_a_standby_that_does_not_take_over_is_passed_over() -> None:
         else:
             steps = [step for step in supervision.tick(1.0) if step.component == "third"]
         assert words(steps) == ["third: resume"]
+
+
+def test_a_primary_that_was_brought_up_quietly_resumes_after_its_standby_has_failed_to_take_over() -> None:
+    for is_first in (True, False):
+        supervision = pair()
+        (resume,) = reported(supervision, 1.0, main=State.FAULTY)
+        (up,) = supervision.tick(1.5)
+        assert words([up]) == ["main: initialize start goquiet"]
+        answers = [(resume, State.FAULTY, "ValueError: odd"), (up, State.QUIET, "")]
+        steps: list[Step] = []
+        for step, state, refusal in answers if is_first else reversed(answers):
+            steps += reported(supervision, 1.6, **{step.component: state})
+            steps += supervision.receive_reply(reply_to(step, state, refusal), 1.6)
+        assert words(steps) == ["main: resume"]
+        assert supervision.in_charge("main") == "main"
+
+
+def test_a_resume_that_is_never_answered_goes_to_whoever_is_quiet_and_then_the_function_is_lost() -> None:
+    supervision = pair()
+    steps = reported(supervision, 0.9, main=State.FAULTY)
+    (up,) = supervision.tick(1.4)
+    steps += supervision.receive_reply(reply_to(up, State.QUIET), 1.5)
+    for tenth in range(16, 100):
+        steps += supervision.tick(0.1 * tenth)
+        if tenth % 10 == 0:
+            steps += reported(supervision, 0.1 * tenth, main=State.QUIET, spare=State.QUIET)
+    assert words(steps)[:4] == ["spare: resume", "main: resume", "main: land!", "main: resume"]
+    assert words(steps).count("main: land!") == 1
+    assert set(words(steps[4:])) <= {"main: resume", "spare: resume"}
+    assert len(steps) < 15, "one try a second"
+
+
+def test_standbys_that_refuse_are_asked_once_until_they_report_again() -> None:
+    supervision = Supervision((*PAIR, row("third", begin="quiet", standby_for="main")))
+    reported(supervision, main=State.WORKING, spare=State.QUIET, third=State.QUIET)
+    steps, asked = reported(supervision, 0.1, main=State.FAULTY), list[str]()
+    while steps:
+        asked += words(steps)
+        steps = [after for step in steps for after in supervision.receive_reply(reply_to(step, State.QUIET, "no"), 0.1)]
+    assert asked == ["spare: resume", "third: resume"]
+    assert words(reported(supervision, 1.0, third=State.QUIET)) == ["third: resume"]
+
+
+def test_a_quiet_component_that_turns_faulty_instead_of_taking_over_is_brought_up_again() -> None:
+    supervision = pair()
+    (resume,) = reported(supervision, 1.0, main=State.FAULTY)
+    (up,) = supervision.tick(1.5)
+    (again,) = [
+        *supervision.receive_reply(reply_to(resume, State.FAULTY, "odd"), 1.6),
+        *supervision.receive_reply(reply_to(up, State.QUIET), 1.6),
+    ]
+    assert words([again]) == ["main: resume"]
+    supervision.receive_reply(reply_to(again, State.QUIET, "busy"), 1.7)
+    reported(supervision, 1.8, main=State.FAULTY)
+    assert "main: initialize start goquiet" in words([*supervision.tick(2.2), *supervision.tick(3.0)])
+
+
+def test_what_an_operator_brings_up_quietly_stays_quiet() -> None:
+    supervision = Supervision(ALONE)
+    reported(supervision, 0.0, alone=State.FAULTY)
+    assert reported(supervision, 0.2, alone=State.QUIET) == []
+    assert supervision.tick(0.6) == []
 
 
 def test_the_loss_of_a_function_is_told_once_however_often_a_standby_refuses() -> None:

@@ -230,8 +230,8 @@ class Recorder:
                 self._fail(error)
 
     def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._timer = loop.call_later(self._flush_every_s, self._tick, loop)  # first: a failed flush is not the last
         self.flush(self._now_s())
-        self._timer = loop.call_later(self._flush_every_s, self._tick, loop)
         if self._is_owner and not self._clock.is_virtual and (self._syncing is None or self._syncing.done()):
             # The disk may take long, and a loss of power must not take more than a second of the flight with it.
             self._syncing = loop.run_in_executor(None, _sync, self._stream)
@@ -290,6 +290,9 @@ class Recorder:
     def _append_encoded(self, *, is_waiting: bool) -> None:
         """Appends what the worker has encoded; or waits for all of it."""
         for channel, sequence, log_ns, publish_ns, data in self._worker.take(is_waiting=is_waiting):
+            if data.exception() is not None:  # such as no memory for a picture
+                self.lost += 1
+                continue
             try:
                 self._writer.append(channel, sequence, log_ns, publish_ns, data.result())
             except (ValueError, struct.error):  # a time or a sequence that no log can hold

@@ -13,6 +13,7 @@ from gloc3.camera.opencv import load_opencv
 from gloc3.clock import Clock
 from gloc3.errors import Refused
 from gloc3.exchange.base import LocalExchange, Publisher
+from gloc3.log.payloads import PACKED
 from gloc3.log.pictures import pack_picture, unpack_picture
 from gloc3.log.reader import LogReader
 from gloc3.log.record import Recorder
@@ -153,3 +154,47 @@ async def test_in_wall_time_pictures_are_compressed_in_a_thread_and_none_is_miss
         assert [entry.envelope.t_s for entry in entries] == times
         assert all(0.0 <= entry.now_s - t_s < 0.1 for entry, t_s in zip(entries, times, strict=True))
         assert reader.losses() == []
+
+
+@pytest.mark.sockets
+@pytest.mark.parametrize(
+    "error", [MemoryError("no room"), OSError("no room"), RuntimeError("(-4:Insufficient memory)")]
+)
+async def test_a_picture_that_cannot_be_compressed_is_lost_and_the_log_goes_on(
+    tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pack(image: Image) -> Any:
+        if image == bad:
+            raise error
+        return pack_picture(image)
+
+    good, bad = picture(1, is_colour=True), picture(2, is_colour=True)
+    monkeypatch.setitem(PACKED, Image, (pack, unpack_picture))  # type: ignore[index]
+    loop, exchange, file = asyncio.get_running_loop(), LocalExchange(), tmp_path / "log.mcap"
+    recorder = Recorder(file, Clock(loop), TABLE, {"platform": "bench"}, flush_s=0.01, chosen={"camera/*": True})
+    recorder.attach(exchange, loop)
+    camera = Publisher(exchange, "bench", "camera", 1)
+    for image in (good, bad, good):
+        camera.publish("bench/camera/front", image, loop.time())
+        await asyncio.sleep(0.1)
+    assert (recorder.lost, recorder.problem) == (1, "")
+    with LogReader(file, TABLE.types) as reader:
+        assert [entry.envelope.payload for entry in reader.entries("camera/front")] == [good, good], "it is flushed"
+    recorder.close()
+
+
+def test_flushing_goes_on_after_a_flush_that_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, exchange = LogInMemory(), LocalExchange()
+    log.recorder.attach(exchange, log.loop)
+    flushed: list[float] = []
+
+    def flush() -> None:
+        flushed.append(log.loop.time())
+        if len(flushed) == 1:
+            raise MemoryError
+
+    monkeypatch.setattr(log.recorder._writer, "flush", flush)
+    log.loop.run_until_complete(asyncio.sleep(0.8))
+    assert flushed == pytest.approx([0.25, 0.5, 0.75])
+    assert [type(error) for error in log.loop.failures] == [MemoryError]
+    log.close()

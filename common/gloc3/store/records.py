@@ -54,6 +54,8 @@ class RecordFile:
         """Held while files are renamed or removed."""
         self._number = 0
         """Of the file that is written to; 0 before there is one."""
+        self._is_known = False
+        """Whether that is the newest file; else there may be newer ones that could not be read."""
         self._safe = self._named = self._syncing = 0
         """Numbers of the newest file on disk, of the newest whose name is on disk, too, and of the last one to be
         synced."""
@@ -75,6 +77,7 @@ class RecordFile:
                     with suppress(OSError):  # where that cannot be, nothing can be added behind it either
                         os.truncate(path, end)
                 self._number = self._safe = self._syncing = number
+                self._is_known = True
                 return records[1:]
             with suppress(OSError):  # the power went before it was on disk; the one before is there still
                 path.unlink()
@@ -91,7 +94,7 @@ class RecordFile:
             OSError: it could not be written; the file is as it was.
         """
         path = self._file(self._number)
-        if not path.exists():  # not yet, or somebody has deleted it
+        if not self._is_known or not path.exists():  # not yet, or somebody has deleted it
             self.rewrite([record], outlives_power_cut=outlives_power_cut)
             return
         with path.open("ab", buffering=0) as file:
@@ -112,11 +115,12 @@ class RecordFile:
         self._path.parent.mkdir(parents=True, exist_ok=True)
         data = b"".join(map(_framed, [_COUNT.pack(len(records)), *records]))
         with self._lock:
-            before = self._number
+            before = self._number if self._is_known else max(self._numbers(), default=0)
             replace_file(self._file(before + 1), data, beside=self._path.with_name(self._path.name + ".new"))
-            self._number += 1
-            if before not in (self._safe, self._syncing):
+            self._number = before + 1
+            if self._is_known and before not in (self._safe, self._syncing):
                 self._file(before).unlink(missing_ok=True)
+            self._is_known = True
         if outlives_power_cut:
             self._disk.request()
 

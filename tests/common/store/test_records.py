@@ -238,6 +238,32 @@ def test_a_torn_end_is_cut_off_though_there_is_no_room_for_another_file(
     assert file.load() == [b"first", b"second"]
 
 
+@pytest.mark.parametrize("broken", ["read_bytes", "mkdir"])
+def test_a_file_that_could_not_be_read_once_does_not_come_back_in_place_of_newer_records(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, disk: Disk, broken: str
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    before = RecordFile(tmp_path / "state")
+    for number in range(3):
+        before.rewrite([b"old %d" % number])
+        before.wait(before.mark(), SOON_S)
+    later = RecordFile(tmp_path / "state")
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, broken, fail)
+        with pytest.raises(OSError, match="Input/output error"):
+            later.load()
+    with disk.busy():
+        later.append(b"new")
+        assert RecordFile(tmp_path / "state").load() == [b"new"]
+        assert (tmp_path / "state.3").exists(), "the new one is not on disk yet"
+    later.append(b"newer")
+    assert later.wait(later.mark(), SOON_S)
+    assert RecordFile(tmp_path / "state").load() == [b"new", b"newer"]
+    assert [path.name for path in tmp_path.iterdir()] == ["state.4"]
+
+
 def test_records_in_memory_are_those_of_the_process_before() -> None:
     records = MemoryRecords()
     records.append(b"a")

@@ -122,7 +122,11 @@ def summarize(reader: LogReader, topics: TopicTable, progress: Callable[[float],
     start_ns, end_ns = 0, 0
     for chunk, messages in reader.chunks():
         for message in messages:
-            by_channel[message.channel].add(message.channel, message.log_ns, message.data)
+            counts = by_channel.get(message.channel)
+            if counts is None:  # described in this chunk
+                topic = reader.scan.channels[message.channel].topic
+                counts = by_channel[message.channel] = tallies.setdefault(topic, _TopicCounts())
+            counts.add(message.channel, message.log_ns, message.data)
         if messages:
             start_ns = min(start_ns or chunk.start_ns, chunk.start_ns)
         end_ns = max(end_ns, chunk.end_ns)

@@ -117,13 +117,21 @@ class Scan:
                 found = self._next_chunk(at + 1)
                 reason = "a damaged record" if found else "the file ends within a record"
                 self.gaps.append(Gap(at, found or size, reason))
+                self._drop_index()
                 end = found
             at = end
+        if not self.is_complete:
+            self._drop_index()
         self._summary()
         for chunk in self.chunks:
             named = self._indexed.get(chunk.offset)
             if chunk.data_offset > chunk.offset and (named is None or not named <= self.channels.keys()):
                 self.messages(chunk)
+
+    def _drop_index(self) -> None:
+        """The index after the last chunk is not whole: it may not name all of the chunk's channels."""
+        if self.chunks:
+            self._indexed.pop(self.chunks[-1].offset, None)
 
     def _record(self, at: int) -> int:
         """Takes in the record at an offset; returns where it ends, 0 after the last one, -1 where there is none."""

@@ -1,5 +1,6 @@
 """Any valid MCAP is read, whoever wrote it; each subcommand says what such a file lacks."""
 
+import io
 import json
 from collections import Counter
 from pathlib import Path
@@ -7,13 +8,17 @@ from typing import Any
 
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
+from mcap.writer import Writer
 
 from gloc3.errors import Refused
 from gloc3.log.cli import app
 from gloc3.log.fields import read_series
+from gloc3.log.info import summarize
 from gloc3.log.reader import LogReader
+from gloc3.log.scan import Scan
+from gloc3.messages.topics import TopicTable
 
-from .foreign_logs import COUNT, FOREIGN, NO_SUMMARY, STEP_NS, by_another
+from .foreign_logs import COUNT, FOREIGN, NO_SUMMARY, START_NS, STEP_NS, by_another
 from .samples import small_log
 
 
@@ -120,3 +125,27 @@ def test_a_log_of_ours_without_a_command_interface_is_not_one_without_commands(t
     file.write_bytes(small_log()[0])
     with pytest.raises(Refused, match="has no requests of stations: no topic ci/\\* is recorded in it"):
         run("commands", file)
+
+
+def test_a_topic_that_begins_in_the_last_chunk_is_read_wherever_its_index_is_cut(tmp_path: Path) -> None:
+    whole = io.BytesIO()
+    writer = Writer(whole, chunk_size=400)
+    writer.start("", "a survey tool 2.0")
+    schema = writer.register_schema("Thing", "jsonschema", b"{}")
+    early = [writer.register_channel(f"/{name}", "json", schema) for name in "ab"]
+    for index in range(40):
+        if index == 36:
+            early.append(writer.register_channel("/late", "json", schema))
+        for channel in early:
+            writer.add_message(channel, START_NS + index * STEP_NS, b'{"x_m":1}', START_NS + index * STEP_NS)
+    writer.finish()  # type: ignore[no-untyped-call]
+    data = whole.getvalue()
+    scan = Scan(data)
+    chunk = next(chunk for chunk in scan.chunks if any(message.channel == 3 for message in scan.messages(chunk)))
+    after = next((later.offset for later in scan.chunks if later.offset > chunk.offset), data.rindex(b"\x0f"))
+    file = tmp_path / "cut.mcap"
+    for end in range(chunk.end, after):
+        file.write_bytes(data[:end])
+        with LogReader(file) as reader:
+            assert [topic.topic for topic in summarize(reader, TopicTable()).topics] == ["/a", "/b", "/late"]
+            assert read_series(reader, "late", ["x_m"])[0].values[:1] == [1.0]

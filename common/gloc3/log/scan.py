@@ -35,6 +35,7 @@ _READERS: Final[dict[int, Any]] = {
 }
 MESSAGE_BYTES_MIN: Final = 22
 DATA_END_BYTES: Final = 4
+STEP_BYTES: Final = 1 << 20
 PRIVATE_OPCODES: Final = 0x80
 """First opcode reserved for applications."""
 
@@ -160,7 +161,7 @@ class Scan:
             case Opcode.DATA_END if length == DATA_END_BYTES:
                 self.is_complete = True
                 crc = int.from_bytes(data[begin:end], "little")
-                self.is_altered = crc != 0 and crc != zlib.crc32(data[:at])
+                self.is_altered = crc != 0 and crc != _checksum(data, at)
                 return 0
             case _ if opcode in _READERS:
                 record = _parse(opcode, data[begin:end])
@@ -251,6 +252,14 @@ class Scan:
         """All messages, in the order of recording."""
         for chunk in self.chunks:
             yield from self.messages(chunk)
+
+
+def _checksum(data: Data, end: int) -> int:
+    """The CRC-32 of a file's first bytes, without a copy of the whole file."""
+    crc = 0
+    for at in range(0, end, STEP_BYTES):
+        crc = zlib.crc32(data[at : min(at + STEP_BYTES, end)], crc)
+    return crc
 
 
 def _parse(opcode: int, body: bytes) -> Any:

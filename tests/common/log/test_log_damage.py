@@ -87,6 +87,27 @@ def test_one_wrong_byte_costs_one_chunk_at_most_and_is_noticed() -> None:
         assert scan.gaps or scan.is_altered
 
 
+class Sliced(bytes):
+    """A file's bytes, with the longest part that was taken of them at once."""
+
+    longest = 0
+
+    def __getitem__(self, part: Any) -> Any:
+        found = super().__getitem__(part)
+        if isinstance(part, slice):
+            self.longest = max(self.longest, len(found))
+        return found
+
+
+def test_the_checksum_over_a_whole_file_is_taken_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gloc3.log.scan.STEP_BYTES", 1 << 8)
+    data, file = FINISHED, Sliced(FINISHED)
+    assert not Scan(file).is_altered
+    assert 4 * file.longest < len(data)
+    at = len(data) // 2
+    assert Scan(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]).is_altered
+
+
 def test_a_damaged_chunk_is_named_with_the_time_that_is_lost(file: Path) -> None:
     chunk = Scan(FINISHED).chunks[2]
     data = bytearray(FINISHED)

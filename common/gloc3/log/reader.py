@@ -124,7 +124,8 @@ class LogReader:
         channels = self._scan.channels.values()
         self.is_foreign: Final = not self.run and not any(_is_ours(channel) for channel in channels)
         """Whether another program wrote it: its messages are no envelopes of GLOC3."""
-        first_ns = min((chunk.start_ns for chunk in self._scan.chunks), default=0) if self.is_foreign else 0
+        begins_ns = [chunk.start_ns for chunk in self._scan.chunks if chunk.end_ns]  # 0 in a chunk without messages
+        first_ns = min(begins_ns, default=0) if self.is_foreign else 0
         offset = self.run.get("utc_offset_ns", "")
         self.utc_offset_ns: Final = int(offset) if offset.isdecimal() else first_ns
         """The platform's time 0 in UTC; in a foreign log, its first message."""
@@ -342,8 +343,8 @@ class LogReader:
         return f"the file is not finished, its process was killed or is still writing: it {until}"
 
     def _describe(self, offset: int, end: int, reason: str) -> str:
-        before = [chunk.end_ns for chunk in self._scan.chunks if chunk.end <= offset]
-        after = [chunk.start_ns for chunk in self._scan.chunks if chunk.offset >= end]
+        before = [chunk.end_ns for chunk in self._scan.chunks if chunk.end <= offset and chunk.end_ns]
+        after = [chunk.start_ns for chunk in self._scan.chunks if chunk.offset >= end and chunk.end_ns]
         since = f"after {self.seconds(max(before)):.3f} s" if before else "from the beginning"
         until = f"before {self.seconds(min(after)):.3f} s" if after else "to the end"
         return f"{reason} at byte {offset}: {end - offset} bytes are lost, {since} and {until}"

@@ -36,6 +36,8 @@ _READERS: Final[dict[int, Any]] = {
 MESSAGE_BYTES_MIN: Final = 22
 DATA_END_BYTES: Final = 4
 STEP_BYTES: Final = 1 << 20
+LIBRARY: Final = "gloc3 "
+"""Begin of what a log says of the program that wrote it, if it was this one: such a file has no later records."""
 PRIVATE_OPCODES: Final = 0x80
 """First opcode reserved for applications."""
 
@@ -164,12 +166,29 @@ class Scan:
                 self.is_altered = crc != 0 and crc != _checksum(data, at)
                 return 0
             case _ if opcode in _READERS:
-                record = _parse(opcode, data[begin:end])
+                record = self._parse(opcode, data[begin:end])
                 fits = record is not None
                 self._add_record(record)
             case _:
-                fits = opcode >= PRIVATE_OPCODES
+                fits = opcode >= PRIVATE_OPCODES or self._is_of_later_version(opcode, end)
         return int(end) if fits else -1
+
+    def _is_of_later_version(self, opcode: int, end: int) -> bool:
+        """Whether a record has an opcode of a later version of the format; this program writes none."""
+        if self._is_ours or not opcode > Opcode.DATA_END or end + RECORD_HEAD.size > len(self._data):
+            return False
+        following, length = RECORD_HEAD.unpack_from(self._data, end)
+        return following in (*Opcode,) and end + RECORD_HEAD.size + length <= len(self._data)
+
+    @property
+    def _is_ours(self) -> bool:
+        return self.library.startswith(LIBRARY)
+
+    def _parse(self, opcode: int, body: bytes) -> Any:
+        """The record in some bytes; None where it is damaged."""
+        record, size = _record_in(opcode, body)
+        is_ours = record.library.startswith(LIBRARY) if isinstance(record, Header) else self._is_ours
+        return None if is_ours and size != len(body) else record
 
     def _add_record(self, record: Any) -> None:
         match record:
@@ -194,7 +213,7 @@ class Scan:
             opcode, length = RECORD_HEAD.unpack_from(self._data, at)
             begin, at = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and at <= footer:
-                self._add_record(_parse(opcode, self._data[begin:at]))
+                self._add_record(self._parse(opcode, self._data[begin:at]))
 
     def _chunk_at(self, at: int) -> Chunk | None:
         """The chunk at an offset, if its parts fit together."""
@@ -239,7 +258,7 @@ class Scan:
             if opcode == Opcode.MESSAGE:
                 found.append(RawMessage(channel, sequence, log_ns, publish_ns, data[at + MESSAGE_HEAD.size : end]))
             elif opcode in _READERS:
-                self._add_record(_parse(opcode, data[at + RECORD_HEAD.size : end]))
+                self._add_record(self._parse(opcode, data[at + RECORD_HEAD.size : end]))
             at = end
         return found
 
@@ -262,17 +281,22 @@ def _checksum(data: Data, end: int) -> int:
     return crc
 
 
-def _parse(opcode: int, body: bytes) -> Any:
-    """The record in some bytes; None where it is damaged, that is: where the same record would be other bytes."""
-    if opcode == Opcode.ATTACHMENT and zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
-        return None
+def _record_in(opcode: int, body: bytes) -> tuple[Any, int]:
+    """The record in some bytes and its size, behind which a later version of the format may have more fields.
+
+    None where it is damaged, that is: where the same record would be other bytes, or its checksum is wrong.
+    """
     try:
         record = _READERS[opcode](ReadDataStream(BytesIO(body)))
     except (EndOfFile, struct.error, UnicodeDecodeError, OverflowError):
-        return None
+        return None, 0
     builder = RecordBuilder()
     record.write(builder)
-    return record if builder.end()[RECORD_HEAD.size :] == body else None  # type: ignore[no-untyped-call]
+    same = bytes(builder.end())[RECORD_HEAD.size :]  # type: ignore[no-untyped-call]
+    size = len(same)
+    if opcode == Opcode.ATTACHMENT and not any(body[size - 4 : size]):
+        same = same[:-4]  # its checksum has not been computed
+    return (record, size) if body.startswith(same) else (None, 0)
 
 
 def _unpack(packed: bytes, chunk: Chunk) -> bytes | None:

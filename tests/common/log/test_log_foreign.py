@@ -2,12 +2,15 @@
 
 import io
 import json
+import struct
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.data_stream import RecordBuilder
 from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message, Schema
 from mcap.writer import Writer
 
 from gloc3.errors import Refused
@@ -15,10 +18,11 @@ from gloc3.log.cli import app
 from gloc3.log.fields import read_series
 from gloc3.log.info import summarize
 from gloc3.log.reader import LogReader
-from gloc3.log.scan import Scan
+from gloc3.log.scan import RECORD_HEAD, Scan
+from gloc3.log.writer import MAGIC
 from gloc3.messages.topics import TopicTable
 
-from .foreign_logs import COUNT, FOREIGN, NO_SUMMARY, START_NS, STEP_NS, by_another
+from .foreign_logs import COUNT, FOREIGN, NO_SUMMARY, START_NS, STEP_NS, by_another, by_library
 from .samples import small_log
 
 
@@ -149,3 +153,81 @@ def test_a_topic_that_begins_in_the_last_chunk_is_read_wherever_its_index_is_cut
         with LogReader(file) as reader:
             assert [topic.topic for topic in summarize(reader, TopicTable()).topics] == ["/a", "/b", "/late"]
             assert read_series(reader, "late", ["x_m"])[0].values[:1] == [1.0]
+
+
+@pytest.mark.parametrize("chunks", [{}, {"use_chunking": False}])
+def test_an_attachment_whose_checksum_is_not_computed_is_read(chunks: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "other.mcap"
+    by_library(file, **chunks)
+    data = bytearray(file.read_bytes())
+    at = data.index(b"calm") + len(b"calm")
+    assert int.from_bytes(data[at : at + 4], "little") != 0
+    data[at : at + 4] = bytes(4)
+    end = data.index(b"\x0f\x04\0\0\0\0\0\0\0", at) + RECORD_HEAD.size
+    data[end : end + 4] = bytes(4)
+    file.write_bytes(data)
+    assert by_us(file) == by_the_library(file)
+    with LogReader(file) as reader:
+        assert reader.attachments == {"notes.txt": b"calm"}
+
+
+def other(*records: bytes) -> bytes:
+    """A log of another program without an index."""
+    return b"".join((MAGIC, record(Header("", "other")), *records, record(DataEnd(0)), record(Footer(0, 0, 0)), MAGIC))
+
+
+def record(of: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    of.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def longer(of: McapRecord, more: bytes = b"more") -> bytes:
+    """A record with a field of a later version of the format."""
+    data = record(of)
+    return data[:1] + struct.pack("<Q", len(data) - RECORD_HEAD.size + len(more)) + data[RECORD_HEAD.size :] + more
+
+
+THING = Schema(1, b"{}", "jsonschema", "Thing")
+CHANNEL = Channel(1, "/a", "json", {"who": "someone"}, 1)
+MESSAGES = [
+    record(Message(channel_id=1, log_time=START_NS + index, publish_time=START_NS + index, data=b"{}", sequence=index))
+    for index in range(9)
+]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        other(longer(THING), longer(CHANNEL), *MESSAGES),
+        other(record(THING), record(CHANNEL), *MESSAGES[:4], b"\x20" + struct.pack("<Q", 4) + b"abcd", *MESSAGES[4:]),
+    ],
+    ids=["fields appended", "later opcode"],
+)
+def test_what_a_later_version_of_the_format_adds_is_skipped(data: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "other.mcap"
+    file.write_bytes(data)
+    assert by_us(file) == by_the_library(file)
+    assert len(by_us(file)) == len(MESSAGES)
+
+
+def test_a_first_chunk_without_messages_does_not_move_the_first_message(tmp_path: Path) -> None:
+    chunks = [
+        Chunk(
+            compression="",
+            data=data,
+            message_start_time=begin_ns,
+            message_end_time=end_ns,
+            uncompressed_crc=0,
+            uncompressed_size=len(data),
+        )
+        for data, begin_ns, end_ns in (
+            (record(THING) + record(CHANNEL), 0, 0),
+            (b"".join(MESSAGES), START_NS, START_NS + len(MESSAGES) - 1),
+        )
+    ]
+    file = tmp_path / "other.mcap"
+    file.write_bytes(other(*map(record, chunks)))
+    with LogReader(file) as reader:
+        assert reader.utc_offset_ns == START_NS
+    assert len(by_us(file)) == len(MESSAGES)

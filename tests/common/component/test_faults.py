@@ -10,6 +10,7 @@ import pytest
 from gloc3.component.component import SensorSampler
 from gloc3.component.lci import State
 from gloc3.component.ports import Actuation, PortReport
+from gloc3.component.settings import NoSettings
 from gloc3.component.test_bench import Bench
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.messages.envelope import Event, Severity
@@ -219,7 +220,7 @@ def test_an_error_outside_of_working_and_quiet_calls_no_stop(method: str) -> Non
         assert "stop" not in diary.calls
 
 
-class TwoDevices(SensorSampler):
+class TwoDevices(SensorSampler[NoSettings]):
     """Opens one device, then another; writes down what happens to the first."""
 
     def __init__(self, diary: Diary) -> None:

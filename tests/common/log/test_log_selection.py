@@ -169,7 +169,7 @@ async def test_a_picture_that_cannot_be_compressed_is_lost_and_the_log_goes_on(
         return pack_picture(image)
 
     good, bad = picture(1, is_colour=True), picture(2, is_colour=True)
-    monkeypatch.setitem(PACKED, Image, (pack, unpack_picture))  # type: ignore[index]
+    monkeypatch.setitem(PACKED, Image, (pack, unpack_picture))
     loop, exchange, file = asyncio.get_running_loop(), LocalExchange(), tmp_path / "log.mcap"
     recorder = Recorder(file, Clock(loop), TABLE, {"platform": "bench"}, flush_s=0.01, chosen={"camera/*": True})
     recorder.attach(exchange, loop)

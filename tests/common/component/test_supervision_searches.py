@@ -1,9 +1,13 @@
 """Supervision in any course of events, and over real hosts."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from heapq import heappop, heappush
 from itertools import pairwise
+from random import Random
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.common.supervised import reply_to, row, status
@@ -162,6 +166,116 @@ def test_while_one_of_a_group_can_work_one_does_and_there_is_no_verdict(names: l
     else:
         fleet.pass_time(20.0)
         assert [verdict.policy for verdict in fleet.verdicts] == [FaultPolicy.LAND]
+
+
+class SlowFleet:
+    """Hosts that take random times for each order, fail at times, and may be lost and come back."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = Random(seed)
+        self.supervision = Supervision(TRIO)
+        self.states: dict[str, State] = {"main": State.WORKING, "spare": State.QUIET, "third": State.QUIET}
+        self.gone: set[str] = set()
+        self.busy: dict[str, int] = {}
+        self.now_s, self.calm_s = 0.0, 20.0
+        self._due: list[tuple[float, int, Callable[[], None]]] = []
+        self._made = 0
+
+    def later(self, delay_s: float, act: Callable[[], None]) -> None:
+        """Does something after a while."""
+        self._made += 1
+        heappush(self._due, (self.now_s + delay_s, self._made, act))
+
+    def report(self, name: str) -> None:
+        """A component tells its state."""
+        if name not in self.gone:
+            self.obey(self.supervision.receive_status(status(name, self.states[name], "odd"), self.now_s))
+
+    def obey(self, steps: Sequence[Step]) -> None:
+        """Sends orders to the hosts."""
+        for step in steps:
+            if isinstance(step, LciRequest):
+                words = (step.request.command, *step.request.then)
+                self.later(self.random.uniform(0.0, 0.05), partial(self._begin, step, words))
+
+    def _begin(self, order: LciRequest, words: tuple[str, ...]) -> None:
+        if order.component in self.busy:
+            self._reply(order, "busy")
+        else:
+            self.busy[order.component] = self._made
+            self._go_on(order, words, self._made)
+
+    def _go_on(self, order: LciRequest, words: tuple[str, ...], number: int) -> None:
+        name, to, refusal = order.component, None, ""
+        try:
+            to = transition(self.states[name], Command(words[0])).to if words else None
+        except Refused as error:
+            refusal = str(error)
+        if to is None:
+            del self.busy[name]
+            self._reply(order, refusal)
+            return
+        times = [0.0, 0.01, 0.05, 0.2] if words[0] in ("resume", "goquiet") else [0.0, 0.01, 0.3, 0.9, 1.5]
+        self.later(self.random.choice(times), partial(self._end, order, words, to, number))
+
+    def _end(self, order: LciRequest, words: tuple[str, ...], to: State, number: int) -> None:
+        name = order.component
+        if self.busy.get(name) != number:  # it has failed or gone meanwhile
+            return
+        if self.now_s < self.calm_s and self.random.random() < 0.1:
+            self.fail(name)
+            self._reply(order, f"{words[0]} failed")
+            return
+        self.states[name] = to
+        self.report(name)
+        self._go_on(order, words[1:], number)
+
+    def _reply(self, order: LciRequest, refusal: str) -> None:
+        reply = reply_to(order, self.states[order.component], refusal)
+        if order.component not in self.gone:
+            self.later(0.02, lambda: self.obey(self.supervision.receive_reply(reply, self.now_s)))
+
+    def fail(self, name: str) -> None:
+        """A component turns faulty."""
+        self.busy.pop(name, None)
+        self.states[name] = State.FAULTY
+        self.report(name)
+
+    def lose(self, name: str) -> None:
+        """A component is lost with its host; perhaps that is noticed at once, and perhaps it comes back."""
+        self.busy.pop(name, None)
+        self.gone.add(name)
+        if self.random.random() < 0.5:
+            self.obey(self.supervision.lose(name, "its host is lost", self.now_s))
+        if self.random.random() < 0.5:
+            self.states[name] = State.FAULTY
+            self.later(self.random.uniform(0.3, 4.0), partial(self.gone.discard, name))
+
+    def run(self, end_s: float) -> None:
+        """Statuses come every second."""
+        for name in NAMES:
+            self.report(name)
+        while self.now_s < end_s:
+            self.now_s = round(self.now_s + 0.05, 2)
+            while self._due and self._due[0][0] <= self.now_s:
+                heappop(self._due)[2]()
+            if self.now_s == int(self.now_s):
+                for name in NAMES:
+                    self.report(name)
+            self.obey(self.supervision.tick(self.now_s))
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_whatever_fails_while_orders_take_their_time_one_works_in_the_end_if_any_can(seed: int) -> None:
+    fleet = SlowFleet(seed)
+    for _ in range(fleet.random.randint(1, 5)):
+        act = fleet.random.choice([fleet.fail, fleet.fail, fleet.lose])
+        fleet.later(fleet.random.uniform(1.0, 18.0), partial(act, fleet.random.choice(NAMES)))
+    fleet.run(60.0)
+    here = [name for name in NAMES if name not in fleet.gone]
+    working = [name for name in here if fleet.states[name] is State.WORKING]
+    can_work = [name for name in here if fleet.states[name] in OPERATING]
+    assert len(working) == min(1, len(can_work)), fleet.states
 
 
 # --- over real hosts ---

@@ -23,6 +23,8 @@ class Stage:
         """Everything that was reported, oldest first."""
         self.new: list[Message] = []
         """What the last cycle reported."""
+        self.valid_s: dict[type[Message], float] = {}
+        """Time of validity of the newest report of each type."""
         self._mailbox = Mailbox(list(type(component).inputs.values()))
         component.initialize(settings or type(component).settings_type())
         component.start()
@@ -40,7 +42,10 @@ class Stage:
                 if isinstance(self.component, ActuatorDriver) and not self.is_quiet:
                     self.component.actuate(result.write)
             else:
-                self.new.append(result.message if isinstance(result, PortReport) else result)
+                message = result.message if isinstance(result, PortReport) else result
+                stated_s = result.t_s if isinstance(result, PortReport) else None
+                self.valid_s[type(message)] = self.now_s if stated_s is None else stated_s
+                self.new.append(message)
         self.received += self.new
         return self.new
 

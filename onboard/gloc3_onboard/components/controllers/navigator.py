@@ -41,8 +41,11 @@ class NavigatorSettings(Settings, frozen=True):
     """How fast the heading turns."""
     patience_s: Annotated[float, Bounds(0.5, 600.0)] = 8.0
     """So long it waits in a hover for a route, in seconds, before the action fails with the reason why there is none."""
+    map_limit_s: Annotated[float, Bounds(0.5, 70.0)] = 2.5
+    """Age of the last scan in the map above which it hovers, in seconds: more than the map's `period_s` and
+    `scan_period_s` together."""
     look_s: Annotated[float, Bounds(0.0, 30.0)] = 1.5
-    """Time to look from a viewpoint, in seconds: longer than the map takes to be reported."""
+    """Time to look from a viewpoint, in seconds, at least; until the map shows what has been seen from there."""
     stuck_s: Annotated[float, Bounds(1.0, 600.0)] = 10.0
     """Time without progress on a route after which another one is asked for, in seconds."""
     follow_s: Annotated[float, Bounds(1.0, 600.0)] = 30.0
@@ -73,6 +76,9 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
         self._order: FollowWaypointsOrder | ExploreOrder | None = None
         self._pose: Pose | None = None
         self._map_s = -math.inf
+        """Time of the last scan in the map."""
+        self._is_blind = False
+        """Whether that is too long ago."""
         self._reference: PathReference | None = None
         self._place_ned_m: Vector3 = (0.0, 0.0, 0.0)
         """The last target, to keep while there is no route."""
@@ -115,6 +121,7 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
 
     def _start_over(self, pose: Pose, now_s: float) -> None:
         self._yaw_rad, self._place_ned_m, self._last_s = yaw_of(pose.ned_from_frd), pose.position_ned_m, now_s
+        self._is_blind = False
         self._request_route(now_s)
 
     def end_action(self, now_s: float) -> None:
@@ -132,7 +139,8 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
         order, pose = self._order, self._pose
         if self.is_running and order is not None:
             self._flown_s += now_s - self._last_s
-            for route in inbox.new(self.route):
+            self._watch_map(now_s)
+            for route in inbox.new(self.route) if not self._is_blind else ():
                 if route.payload.action_id == self.action_id and route.payload.request == self.request:
                     self._take(route.payload, order, now_s)
             if self.is_running and pose is not None and pose.is_valid:
@@ -144,6 +152,18 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
         return [*results, *self.action_reports(now_s)]
 
     # --- routes ---
+
+    def _watch_map(self, now_s: float) -> None:
+        """Drops the route while no scan comes into the map, and asks for another one afterwards."""
+        limit_s, was_blind = self.settings.map_limit_s, self._is_blind
+        self._is_blind = now_s - self._map_s > limit_s
+        if self._is_blind:
+            if self._reference is not None:
+                self._waits_from_s = now_s
+            self._reference = self._arrived_s = None
+            self._reason = f"the map has no scan of the last {limit_s:g} s"
+        elif was_blind:
+            self._request_route(now_s)
 
     def _request_route(self, now_s: float) -> None:
         """Asks for another route, and keeps the place until it comes."""
@@ -201,9 +221,10 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
             if target.bearing_rad is not None:
                 self._turn(target.bearing_rad, now_s)
             self._judge(order, reference, pose, now_s)
-        elif self._arrived_s is not None and now_s - self._arrived_s >= self.settings.look_s:
-            self._request_route(now_s)
-        elif self._arrived_s is None and now_s - self._waits_from_s > self.settings.patience_s:
+        elif self._arrived_s is not None:
+            if now_s - self._arrived_s >= self.settings.look_s and self._map_s >= self._arrived_s:
+                self._request_route(now_s)
+        elif now_s - self._waits_from_s > self.settings.patience_s:
             reason = self._reason or "the planner does not answer"
             self.advance(now_s, self._progress, ActionState.FAILED, reason)
         self.cross_track_m = math.dist(self._place_ned_m, pose.position_ned_m)

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from gloc3.component.component import DataProcessor
-from gloc3.component.ports import Inbox, Input, Output, Result
+from gloc3.component.ports import Inbox, Input, Output, PortReport, Result
 from gloc3.component.settings import Bounds
 from gloc3.errors import Refused
 from gloc3.messages.envelope import Envelope
@@ -26,7 +26,7 @@ from gloc3_onboard.algorithms.scan_matching.scan_points import cloud_fault, faul
 CLOUD_BEAMS = 720
 """Directions in which the nearest point of a cloud ends what is free."""
 UNCHANGED_S = 5.0
-"""A map that has not changed is reported this often."""
+"""A map into which no scan has come is reported this often."""
 
 
 class MapSettings(ScanPlacementSettings, frozen=True):
@@ -53,7 +53,10 @@ class MapSettings(ScanPlacementSettings, frozen=True):
 
 
 class MapProcessor(DataProcessor[MapSettings]):
-    """Enters scans and clouds into a map, while the pose is valid and certain, and reports it at most once a second."""
+    """Enters scans and clouds into a map, while the pose is valid and certain, and reports it at most once a second.
+
+    The map's time of validity is that of the last scan in it; before the first one, of the component's first cycle.
+    """
 
     loggable = ("scans", "left_out", "reason")
 
@@ -70,7 +73,9 @@ class MapProcessor(DataProcessor[MapSettings]):
         self.reason = ""
         """Why the last scan was left out; empty if it was entered."""
         self._entered_s = self._reported_s = -math.inf
-        self._last: OccupancyMap | None = None
+        self._begun_s = math.inf
+        """When the first cycle was."""
+        self._last: PortReport | None = None
 
     def start(self) -> None:
         """Begins with what is known already.
@@ -89,10 +94,11 @@ class MapProcessor(DataProcessor[MapSettings]):
                 )
             self._stack.add_map(known)
         self._entered_s = self._reported_s = -math.inf
-        self._last = None
+        self._begun_s, self._last = math.inf, None
 
     def work(self, now_s: float, inbox: Inbox) -> Sequence[Result]:
         """Enters a new scan, and reports when it is due."""
+        self._begun_s = min(self._begun_s, now_s)
         pose = inbox.latest(self.pose)
         seen: list[Envelope[LaserScan] | Envelope[PointCloud]] = [*inbox.new(self.laser), *inbox.new(self.cloud)]
         for scan in seen:
@@ -103,11 +109,13 @@ class MapProcessor(DataProcessor[MapSettings]):
             self.left_out += bool(self.reason)
         if pose is None or now_s - self._reported_s < self.settings.period_s - 1e-6:
             return []
-        found = self._stack.message(-pose.payload.position_ned_m[2])
-        if found == self._last and now_s - self._reported_s < UNCHANGED_S:
+        report = self.map.report(
+            self._stack.message(-pose.payload.position_ned_m[2]), t_s=max(self._entered_s, self._begun_s)
+        )
+        if report == self._last and now_s - self._reported_s < UNCHANGED_S:
             return []
-        self._last, self._reported_s = found, now_s
-        return [found]
+        self._last, self._reported_s = report, now_s
+        return [report]
 
     def _enter(
         self, scan: Envelope[LaserScan] | Envelope[PointCloud], pose: Envelope[Pose] | None, inbox: Inbox

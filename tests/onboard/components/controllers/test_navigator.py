@@ -46,6 +46,8 @@ class Voyage:
 
     def __init__(self, walls: Callable[[float], list[Wall]], range_m: float = 10.0) -> None:
         self.walls, self.yaw_rad, self.now_s = walls, 0.0, 0.0
+        self.is_seeing: Callable[[], bool] = lambda: True
+        """Whether the scanner lives."""
         self.random = np.random.default_rng(1)
         self.places: list[Vector3] = [(0.0, 0.0, -2.0)] * LAG
         self.nearest_m = math.inf
@@ -79,11 +81,13 @@ class Voyage:
         if round(self.now_s / STEP_S) % 2:
             here = Planar(self.at[0], self.at[1], self.yaw_rad)
             scan = Scanner(self.walls(self.now_s), range_max_m=30.0).scan(here, self.random)
-            seen["obstacles"] = obstacles_of(scan, Tilt(), Mount(), here, Planar(), 2.0)
-            self.nearest_m = min(self.nearest_m, *seen["obstacles"].sectors_m)
-            for found in self.map.step(2.0 * STEP_S, pose=self.pose, laser=scan):
-                self.planner.put(map=found)
-                self.navigator.put(map=found)
+            scanned = obstacles_of(scan, Tilt(), Mount(), here, Planar(), 2.0)
+            self.nearest_m = min(self.nearest_m, *scanned.sectors_m)
+            laser = {"laser": scan} if self.is_seeing() else {}
+            seen |= {"obstacles": scanned} if self.is_seeing() else {}
+            for found in self.map.step(2.0 * STEP_S, pose=self.pose, **laser):
+                self.planner.put(self.map.valid_s[OccupancyMap], map=found)
+                self.navigator.put(self.map.valid_s[OccupancyMap], map=found)
         self.planner.now_s = self.now_s - STEP_S
         for route in self.planner.step(STEP_S, pose=self.pose):
             self.navigator.put(route=route)
@@ -162,6 +166,48 @@ def test_a_paused_flight_goes_on_from_where_the_vehicle_then_is() -> None:
     assert voyage.navigator.last(RouteWanted).request == 2
 
 
+def test_a_way_is_not_flown_on_without_scans_and_fails_with_the_reason_in_a_hover() -> None:
+    voyage = Voyage(lambda now_s: [*ROOM, *(WALL if now_s > 4.0 else [])])
+    voyage.is_seeing = lambda: voyage.now_s < 4.0
+    status = voyage.fly(replace(GO, speed_m_s=0.6))
+    assert (status.state, status.reason) == ("failed", "the map has no scan of the last 2.5 s")
+    assert voyage.now_s == pytest.approx(4.0 + 2.5 + 8.0, abs=0.3)
+    assert voyage.nearest_m >= KEEP_M
+    assert math.dist(voyage.places[-1], voyage.places[-20]) < 0.01
+
+
+def test_a_way_goes_on_by_another_route_when_the_scans_come_back() -> None:
+    voyage = Voyage(lambda now_s: [*ROOM, *(WALL if now_s > 4.0 else [])])
+    voyage.is_seeing = lambda: not 4.0 < voyage.now_s < 9.0
+    assert voyage.fly(replace(GO, speed_m_s=0.6)).state == "done"
+    assert voyage.navigator.last(RouteWanted).request == 2
+    assert voyage.nearest_m >= KEEP_M
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.5, 1.0])
+def test_an_exploration_that_sees_nothing_new_from_a_viewpoint_is_not_complete(after_s: float) -> None:
+    voyage = Voyage(lambda _: [*ROOM, *WALL], range_m=5.0)
+    voyage.begin(ExploreOrder(down_m=-2.0, speed_m_s=1.0, duration_s=300.0))
+    voyage.run(lambda: getattr(voyage.navigator.component, "_arrived_s") is not None)  # noqa: B009
+    lost_s = voyage.now_s + after_s
+    voyage.is_seeing = lambda: voyage.now_s < lost_s
+    voyage.run(lambda: voyage.navigator.status.state != "running")
+    status = voyage.navigator.status
+    assert (status.state, status.reason) == ("failed", "the map has no scan of the last 2.5 s")
+
+
+def test_a_hover_in_a_room_that_does_not_change_is_not_blind() -> None:
+    voyage = Voyage(lambda _: ROOM)
+    voyage.begin(replace(GO, waypoints_ned_m=((3.0, 0.0, -2.0),)))
+    voyage.run(lambda: voyage.now_s > 4.0)
+    voyage.navigator.call("action.pause", action_id="go")
+    voyage.run(lambda: voyage.now_s > 30.0)
+    voyage.navigator.call("action.resume", action_id="go")
+    voyage.run(lambda: voyage.navigator.status.state in ("done", "failed"))
+    assert voyage.navigator.status.state == "done"
+    assert voyage.navigator.last(RouteWanted).request == 2
+
+
 @pytest.mark.thorough
 def test_an_exploration_sees_nearly_all_of_the_floor_that_can_be_seen() -> None:
     walls = [*ROOM, *WALL, *box(10.0, 4.0, 1.0, 1.0)]
@@ -201,5 +247,6 @@ def test_a_planner_that_does_not_answer_is_told() -> None:
     voyage = Voyage(lambda _: ROOM)
     voyage.begin(GO)
     for _ in range(200):
+        voyage.navigator.put(map=voyage.map.last(OccupancyMap))
         voyage.navigator.step(STEP_S, pose=voyage.pose, driver=DriverState(is_guided=True))
     assert (voyage.navigator.status.state, voyage.navigator.status.reason) == ("failed", "the planner does not answer")

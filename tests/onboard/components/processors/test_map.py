@@ -167,3 +167,23 @@ def test_it_is_reported_once_a_second_less_often_unchanged_and_stays_within_its_
     for _ in range(100):
         mapping.stage.step(0.1, pose=pose(height=2.2))
     assert len(mapping.stage.all(OccupancyMap)) - before <= 2
+
+
+def test_its_time_is_that_of_the_last_scan_in_it_and_of_the_first_cycle_before_there_is_one() -> None:
+    mapping = Mapping(ROOM)
+    for seconds in (1.0, 6.0):
+        mapping.stage.step(seconds, pose=pose(height=2.2))
+        assert mapping.stage.valid_s[OccupancyMap] == 1.0
+    mapping.scan(6)
+    entered_s = mapping.stage.now_s
+    assert entered_s - mapping.stage.valid_s[OccupancyMap] <= 1.0
+    mapping.scan(30, pose=pose(height=2.2, is_valid=False))
+    assert mapping.stage.valid_s[OccupancyMap] == entered_s
+
+
+def test_a_map_that_scans_do_not_change_is_reported_every_second() -> None:
+    mapping = Mapping(ROOM)
+    found = Scanner(ROOM, range_max_m=12.0).scan(Planar(), mapping.random)
+    for _ in range(100):
+        mapping.stage.step(0.2, pose=pose(height=2.2), laser=found)
+        assert mapping.stage.now_s - mapping.stage.valid_s.get(OccupancyMap, 0.0) < 1.5

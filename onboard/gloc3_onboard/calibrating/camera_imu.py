@@ -17,9 +17,9 @@ from gloc3_onboard.calibrating.board_file import read_board
 from gloc3_onboard.calibrating.drawing import DiagramPanel, PanelSeries, svg
 from gloc3_onboard.calibrating.outcome import CalibrationOutcome, OutcomeOptions, settle, today
 from gloc3_onboard.calibrating.pictures import LOG, find_boards, find_pictures
-from gloc3_onboard.calibration.mounting import Transform, quaternion_of, transform_of
+from gloc3_onboard.calibration.mounting import Transform, quaternion_of
 from gloc3_onboard.calibration.reader import read_calibration
-from gloc3_onboard.calibration.rig_file import read_sections, rows_of
+from gloc3_onboard.calibration.rig_file import chain_from_imu, read_sections, rows_of
 from gloc3_onboard.sensors.replay import topic_records
 from gloc3_onboard.sensors.sources import euroc
 
@@ -42,7 +42,7 @@ def camera_imu(
 
     Log pictures and the inertial unit while you move the vehicle before a fixed board for half a minute: turn it about all
     axes and push it along all axes, briskly, with the board in the picture. Calibrate the lens first: it is read from the rig
-    file. Of other cameras of the rig that hang on cam0 (`T_cn_cnm1`), the place follows.
+    file. Of the other cameras of its chain (`T_cn_cnm1`), the place follows.
 
     For example `gloc3 calibrate camera-imu runs/flight/log.mcap#camera/front --board aprilgrid.yaml --rig rig.yaml`.
 
@@ -166,8 +166,7 @@ def _camera_from_imu(fit: CameraImuFit) -> Transform:
 
 
 def _sections(rig: Path, camera: str, fit: CameraImuFit) -> dict[str, dict[str, Any]]:
-    """The camera's section, and those of the cameras that hang on it."""
-    known, transform = read_sections(rig), _camera_from_imu(fit)
+    """The camera's section, and those of the other cameras of its chain."""
     about = {
         "date": today(),
         "timeshift_std_s": float(f"{fit.offset_std_s:.2g}"),
@@ -175,13 +174,8 @@ def _sections(rig: Path, camera: str, fit: CameraImuFit) -> dict[str, dict[str, 
         "place_std_m": [float(f"{value:.2g}") for value in fit.place_std_m],
         "gravity_m_s2": round(fit.gravity_m_s2, 4),
     }
-    sections = {camera: _imu_entries(transform, fit, about)}
-    number = int(camera.removeprefix("cam")) + 1 if camera.removeprefix("cam").isdecimal() else 0
-    while number and (rows := known.get(f"cam{number}", {}).get("T_cn_cnm1")):
-        transform = transform_of(rows).then(transform)
-        sections[f"cam{number}"] = _imu_entries(transform, fit, about)
-        number += 1
-    return sections
+    chain = chain_from_imu(read_sections(rig), camera, _camera_from_imu(fit))
+    return {name: _imu_entries(transform, fit, about) for name, transform in chain.items()}
 
 
 def _imu_entries(transform: Transform, fit: CameraImuFit, about: dict[str, Any]) -> dict[str, Any]:

@@ -8,12 +8,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import msgspec
+
 from gloc3.camera.geometry import matrix
 from gloc3.camera.model import CameraModel, Lens
 from gloc3.documents.document import dump, load_bytes, parse
 from gloc3.errors import Finding, InputError
 from gloc3.store import replace_file
-from gloc3_onboard.calibration.mounting import Transform
+from gloc3_onboard.calibration.mounting import Transform, transform_of, transform_problem
 
 LENSES: Final[Mapping[Lens, str]] = {Lens.PINHOLE: "radtan", Lens.RADTAN: "radtan", Lens.EQUIDISTANT: "equidistant"}
 ORDER: Final = (
@@ -46,6 +48,42 @@ def rows_of(transform: Transform) -> list[list[float]]:
     """A transform as the four rows of its matrix."""
     turn, shift = matrix(transform.rotation).tolist(), transform.position_m
     return [*([*row, place] for row, place in zip(turn, shift, strict=True)), [0.0, 0.0, 0.0, 1.0]]
+
+
+def transform_in(section: Mapping[str, Any], key: str) -> Transform | None:
+    """A transform of a section; None where there is none that moves a rigid body."""
+    try:
+        rows = [list(row) for row in msgspec.convert(section.get(key), list[tuple[float, float, float, float]])]
+    except msgspec.ValidationError:
+        return None
+    return transform_of(rows) if len(rows) == 4 and not transform_problem(rows) else None
+
+
+def chain_from_imu(
+    sections: Mapping[str, Mapping[str, Any]], camera: str, camera_from_imu: Transform
+) -> dict[str, Transform]:
+    """`T_cam_imu` of a camera and of all that `T_cn_cnm1` connects with it, on both sides of the chain.
+
+    Args:
+        sections: of the rig file.
+        camera: the camera of which it is known.
+        camera_from_imu: of that camera.
+    """
+    found, digits = {camera: camera_from_imu}, camera.removeprefix("cam")
+    if not digits.isdecimal():
+        return found
+    number, after = int(digits) + 1, camera_from_imu
+    while (step := transform_in(sections.get(f"cam{number}", {}), "T_cn_cnm1")) is not None:
+        after = found[f"cam{number}"] = step.then(after)
+        number += 1
+    number, before = int(digits), camera_from_imu
+    while number and f"cam{number - 1}" in sections:
+        step = transform_in(sections.get(f"cam{number}", {}), "T_cn_cnm1")
+        if step is None:
+            break
+        number -= 1
+        before = found[f"cam{number}"] = step.inverse().then(before)
+    return found
 
 
 def read_sections(path: Path) -> dict[str, Any]:

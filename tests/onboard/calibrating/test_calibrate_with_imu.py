@@ -16,10 +16,11 @@ from tests.onboard.calibrating.picture_sets import BOARD
 from gloc3.camera.geometry import matrix
 from gloc3.cli.program import run
 from gloc3.messages.envelope import Source
+from gloc3.messages.frames import rotate
 from gloc3.messages.perception import ImuSample
 from gloc3_onboard.algorithms.calibration.camera_imu_fit import fit_camera_imu
 from gloc3_onboard.calibrating.camera_imu import doubts_of
-from gloc3_onboard.calibration.mounting import FORWARD, Transform
+from gloc3_onboard.calibration.mounting import FORWARD, IN_PLACE, Transform
 from gloc3_onboard.calibration.reader import read_calibration
 from gloc3_onboard.calibration.rig_file import camera_section, read_sections, rows_of, write_sections
 
@@ -67,6 +68,18 @@ def test_place_turn_and_time_of_all_cameras_are_written_in_kalibrs_form_and_read
     assert [one.time_shift_s for one in cameras.values()] == pytest.approx([OFFSET_S] * 2, abs=1e-3)
     assert "pictures are stamped late; the vehicle takes that from the rig file" in said.err
     assert report.read_text().count("<g transform") == 2
+
+
+def test_the_place_of_the_camera_before_it_in_the_chain_follows_from_its_own(log: Path, rig: Path) -> None:
+    write_sections(rig, {"cam0": {"T_cam_imu": rows_of(IN_PLACE)}})
+    source = f"{log}#camera/front"
+    assert run(["calibrate", "camera-imu", source, "--board", BOARD, "--rig", str(rig), "--camera", "cam1"]) == 0
+    cameras = read_calibration(rig).cameras
+    place = -HAND.camera_from_imu.inv().apply(HAND.imu_in_camera_m)
+    assert cameras["cam1"].position_frd_m == pytest.approx(place, abs=0.008)
+    baseline = np.subtract(cameras["cam1"].position_frd_m, cameras["cam0"].position_frd_m)
+    assert baseline == pytest.approx(rotate(cameras["cam0"].frd_from_rdf, (0.1, 0.0, 0.0)), abs=1e-9)
+    assert cameras["cam0"].time_shift_s == cameras["cam1"].time_shift_s
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

@@ -1,5 +1,6 @@
 """`gloc3 calibrate stereo`: two cameras that expose together, and the place of the right one."""
 
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from gloc3_onboard.calibrating.live import is_live, watch
 from gloc3_onboard.calibrating.outcome import CalibrationOutcome, OutcomeOptions, settle
 from gloc3_onboard.calibrating.pictures import BoardsFound, find_boards, find_pictures, paired
 from gloc3_onboard.calibration.mounting import Transform, quaternion_of
-from gloc3_onboard.calibration.rig_file import rows_of
+from gloc3_onboard.calibration.rig_file import chain_from_imu, read_sections, rows_of, transform_in
 
 SIDES: Final = ("left", "right")
 MOST_APART: Final = 0.25
@@ -26,6 +27,7 @@ MOST_RATIO: Final = 1.5
 """Of the error together to that of each picture alone."""
 MOST_BASELINE_STD: Final = 0.01
 """As a share of the baseline."""
+IMU_ENTRIES: Final = ("timeshift_cam_imu", "imu_calibration")
 
 
 def stereo(
@@ -75,6 +77,7 @@ def stereo(
         sections[name] = camera_entries(each, name, coverage)
         panels += camera_panels(each, side)
     sections["cam1"]["T_cn_cnm1"] = rows_of(transform_of_pose(fit.right_from_left))
+    _place_on_imu(options.rig, sections)
     sections["cam0"]["cam_overlaps"], sections["cam1"]["cam_overlaps"] = [1], [0]
     title = f"stereo: baseline {1e3 * fit.baseline_m:.2f} mm, {fit.rms_px:.3f} px from {fit.pairs} pairs"
     return settle(
@@ -89,6 +92,18 @@ def stereo(
         ),
         options,
     )
+
+
+def _place_on_imu(rig: Path, sections: dict[str, dict[str, Any]]) -> None:
+    """Adds the places on the inertial unit that follow from the left camera's, or from the right one's if that is known."""
+    known = read_sections(rig)
+    whole = known | {name: known.get(name, {}) | section for name, section in sections.items()}
+    for camera in ("cam0", "cam1"):
+        if (camera_from_imu := transform_in(whole[camera], "T_cam_imu")) is not None:
+            for name, transform in chain_from_imu(whole, camera, camera_from_imu).items():
+                missing = {key: whole[camera][key] for key in IMU_ENTRIES if key in whole[camera].keys() - whole[name]}
+                sections.setdefault(name, {}).update(missing, T_cam_imu=rows_of(transform))
+            return
 
 
 def transform_of_pose(pose: Floats) -> Transform:

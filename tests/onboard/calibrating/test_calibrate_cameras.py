@@ -12,8 +12,9 @@ from tests.onboard.calibrating.picture_sets import BOARD, COUNT, RIGHT_FROM_LEFT
 from gloc3.camera.model import CameraModel
 from gloc3.cli.program import run
 from gloc3.messages.frames import rotate
+from gloc3_onboard.calibration.mounting import FORWARD, IN_PLACE, Transform
 from gloc3_onboard.calibration.reader import read_calibration
-from gloc3_onboard.calibration.rig_file import read_sections
+from gloc3_onboard.calibration.rig_file import read_sections, rows_of, write_sections
 
 
 def calibrate(*arguments: str, code: int = 0) -> None:
@@ -62,6 +63,24 @@ def test_a_pair_is_written_in_kalibrs_form(tmp_path: Path) -> None:
     assert np.linalg.norm(apart) == pytest.approx(np.linalg.norm(RIGHT_FROM_LEFT[3:]), abs=5e-4)
     assert apart[1] == pytest.approx(0.07, abs=2e-3)
     assert rotate(cameras["cam0"].frd_from_rdf, (0.0, 0.0, 1.0))[0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("known", [("cam0", "cam1"), ("cam0",), ("cam1",)])
+def test_the_place_of_a_pair_on_the_inertial_unit_follows_its_new_baseline(
+    known: tuple[str, ...], tmp_path: Path
+) -> None:
+    """As after an earlier calibration of the pair and with the inertial unit, when the right camera was elsewhere."""
+    rig = tmp_path / "rig.yaml"
+    old = {"T_cam_imu": rows_of(Transform((0.3, 0.2, 0.1), FORWARD)), "timeshift_cam_imu": 0.02}
+    write_sections(rig, dict.fromkeys(known, old) | {"cam2": {"T_cn_cnm1": rows_of(IN_PLACE)}})
+    left, right = (str(pair_folder() / f"{side}*.png") for side in ("left", "right"))
+    calibrate("stereo", left, right, "--board", BOARD, "--rig", str(rig))
+    sections = read_sections(rig)
+    assert sections[known[0]]["T_cam_imu"] == old["T_cam_imu"]
+    assert [sections[name]["timeshift_cam_imu"] for name in ("cam0", "cam1", "cam2")] == [0.02] * 3
+    first, second, third = (np.array(sections[f"cam{number}"]["T_cam_imu"]) for number in range(3))
+    assert second @ np.linalg.inv(first) == pytest.approx(np.array(sections["cam1"]["T_cn_cnm1"]), abs=1e-9)
+    assert third == pytest.approx(second, abs=1e-9)
 
 
 @pytest.fixture

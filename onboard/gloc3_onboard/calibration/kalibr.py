@@ -4,6 +4,7 @@
 time to have it on the IMU's clock (Kalibr's wiki, "YAML formats").
 """
 
+import re
 from typing import Any, Final
 
 from msgspec.structs import replace
@@ -14,6 +15,7 @@ from gloc3_onboard.calibration.lens import IN_PLACE, WrittenLens, lens_model, si
 from gloc3_onboard.calibration.mounting import Transform, transform_of, transform_problem
 from gloc3_onboard.calibration.numbers import Values
 
+CAMERA: Final = re.compile(r"cam\d+")
 LENSES: Final[dict[str, Lens]] = {"none": Lens.PINHOLE, "radtan": Lens.RADTAN, "equidistant": Lens.EQUIDISTANT}
 MOST_SHIFT_S: Final = 1.0
 """Greatest offset in time that a camera can have, s."""
@@ -23,7 +25,9 @@ SPELLED: Final = {"equi": "equidistant"}
 
 def looks_like_kalibr(value: Any) -> bool:
     """Whether a document is perhaps a camchain."""
-    return isinstance(value, dict) and isinstance(value.get("cam0"), dict)
+    return isinstance(value, dict) and any(
+        CAMERA.fullmatch(str(key)) and isinstance(section, dict) for key, section in value.items()
+    )
 
 
 def read_kalibr(document: Document, frd_from_imu: Transform) -> tuple[dict[str, CameraModel], Values]:

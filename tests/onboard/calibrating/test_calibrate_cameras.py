@@ -65,6 +65,13 @@ def test_a_pair_is_written_in_kalibrs_form(tmp_path: Path) -> None:
     assert rotate(cameras["cam0"].frd_from_rdf, (0.0, 0.0, 1.0))[0] == pytest.approx(1.0)
 
 
+def test_a_file_with_another_camera_than_the_first_one_alone_is_read_back(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    pattern = str(pair_folder() / "left*.png")
+    calibrate("camera", pattern, "--board", BOARD, "--rig", str(rig), "--name", "cam1")
+    assert [*read_calibration(rig).cameras] == ["cam1"]
+
+
 @pytest.mark.parametrize("known", [("cam0", "cam1"), ("cam0",), ("cam1",)])
 def test_the_place_of_a_pair_on_the_inertial_unit_follows_its_new_baseline(
     known: tuple[str, ...], tmp_path: Path

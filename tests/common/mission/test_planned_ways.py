@@ -51,6 +51,13 @@ def test_what_a_planned_way_does_not_keep_is_found() -> None:
     assert found == "navigator of pelican cannot hold at waypoints"
 
 
+@pytest.mark.parametrize("heading", ["hold", "90", "{look_at: [0, 5, 1.5]}"])
+def test_a_planned_way_cannot_choose_its_heading(heading: str) -> None:
+    (found,) = messages(checked(f"go_to: {{position_m: [3, 0, 1.5], plan: true, heading: {heading}}}"))
+    assert found == "navigator of pelican cannot point elsewhere than along its way"
+    assert checked("go_to: {position_m: [3, 0, 1.5], plan: true, heading: along}").is_ok
+
+
 def test_an_exploration_has_an_area_or_a_fence_and_a_height_and_a_speed_that_the_platform_allows() -> None:
     report = checked("explore: {}")
     assert report.is_ok, messages(report)

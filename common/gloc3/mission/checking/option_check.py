@@ -73,15 +73,23 @@ def unkept_findings(mission: Mission, platform: Platform | None) -> Iterator[Fin
             if row is not None and name not in kept_options(row):
                 where = (*where_of(target), action.capability, name)
                 yield document.finding(where, f"{row.name} of {platform.platform} {option.unkept}", "leave it out")
-        if row is not None and not order.heading.follows_path and not chooses_heading(row):
-            where = (*where_of(target), action.capability)
-            message = f"{platform.platform} steers by its heading and cannot point elsewhere than along its path"
-            hint = (
-                "leave heading out"
-                if "heading" in document.node(where).children
-                else "go along it with follow_waypoints"
-            )
-            yield document.finding(where, message, hint)
+        if row is not None and not chooses_heading(row):
+            yield from _unkept_heading(document, (*where_of(target), action.capability), order, row, platform)
+
+
+def _unkept_heading(
+    document: Document, where: Where, order: FollowWaypointsOrder, row: ComponentRow, platform: Platform
+) -> Iterator[Finding]:
+    """A heading that a component cannot keep which points along its path."""
+    if order.plan and order.heading.mode != "along":
+        message = f"{row.name} of {platform.platform} cannot point elsewhere than along its way"
+        yield document.finding((*where, "heading"), message, "leave heading out")
+    elif not order.heading.follows_path:
+        message = f"{platform.platform} steers by its heading and cannot point elsewhere than along its path"
+        hint = (
+            "leave heading out" if "heading" in document.node(where).children else "go along it with follow_waypoints"
+        )
+        yield document.finding(where, message, hint)
 
 
 def acceptance_findings(mission: Mission, platform: Platform | None) -> Iterator[Finding]:

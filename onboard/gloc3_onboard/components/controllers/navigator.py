@@ -62,6 +62,7 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
     loggable = ("request", "route_number", "cross_track_m")
     performs: ClassVar = {"find_way": FollowWaypointsOrder, "explore": ExploreOrder}
     keeps: ClassVar[frozenset[str]] = frozenset({"acceptance_m", "plan"})
+    chooses_heading: ClassVar[bool] = False
 
     pose = Input(Pose)
     driver = Input(DriverState)
@@ -107,6 +108,8 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
             refuse_unkept(arguments, self.keeps, "a planned way")
             if len(arguments.waypoints_ned_m) != 1:
                 raise Refused("a way is planned to one place at a time")
+            if arguments.heading.mode != "along":
+                raise Refused(f"a planned way cannot choose its heading: heading {arguments.heading.mode}")
         self._order = arguments
         self.request = self.route_number = self._stuck = 0
         self._progress = self._length_m = self._flown_s = 0.0

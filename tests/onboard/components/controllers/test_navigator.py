@@ -16,7 +16,7 @@ from gloc3.errors import Refused
 from gloc3.messages.frames import Vector3, from_yaw
 from gloc3.messages.perception import CELL_FREE, OccupancyMap
 from gloc3.messages.vehicle import DriverState, PlannedRoute, Pose, RouteWanted, Setpoint
-from gloc3.mission.model.arguments import FollowWaypointsOrder
+from gloc3.mission.model.arguments import FollowWaypointsOrder, HeadingOrder
 from gloc3.mission.model.exploring import ExploreOrder
 from gloc3.mission.model.fence import Area, Fence
 from gloc3.mission.model.messages import ActionStatus
@@ -234,6 +234,8 @@ def test_without_a_map_or_a_pose_it_refuses_and_it_plans_to_one_place_at_a_time(
         voyage.begin(replace(GO, waypoints_ned_m=(*GO.waypoints_ned_m, (3.0, 0.0, -2.0))))
     with pytest.raises(Refused, match="a planned way cannot hold at waypoints"):
         voyage.begin(replace(GO, hold_s=2.0))
+    with pytest.raises(Refused, match="a planned way cannot choose its heading: heading hold"):
+        voyage.begin(replace(GO, heading=HeadingOrder(mode="hold")))
     stage = Stage(NavigatorController())
     stage.step()
     with pytest.raises(Refused, match="there is no valid pose"):

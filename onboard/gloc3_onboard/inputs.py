@@ -10,6 +10,8 @@ import msgspec
 
 from gloc3.component.context import HostContext
 from gloc3.component.deployment import ComponentRow
+from gloc3.component.settings import load_settings
+from gloc3.errors import Finding, InputError, Refused
 from gloc3.mavlink.signing import Signing
 from gloc3.mavlink.transport.endpoints import Endpoint
 from gloc3.messages.perception import OccupancyMap
@@ -20,6 +22,7 @@ from gloc3.terrain import Terrain, read_map
 from gloc3_onboard.command_server.log_shelf import LogStoreBase
 from gloc3_onboard.command_server.site import Usage
 from gloc3_onboard.companion.routing import Keep
+from gloc3_onboard.components.processors.map import MapProcessor, MapSettings, stack_with
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.journal import SystemdJournal
 from gloc3_onboard.process.runner import Create, HostMember
@@ -30,6 +33,8 @@ from gloc3_onboard.sensors.rig import PlatformRig
 
 KNOWN_MAP: Final = "known_map"
 """The device with the map that a platform knows at the start."""
+
+MAP_CLASS: Final = f"{MapProcessor.__module__}:{MapProcessor.__name__}"
 
 
 class Sensors(NamedTuple):
@@ -83,9 +88,20 @@ def known_map(platform: Platform, folder: Path) -> OccupancyMap | None:
         folder: of the platform file.
 
     Raises:
-        InputError: it cannot be used.
+        InputError: it cannot be used, or does not fit the settings of the component that begins with it.
     """
-    return read_map(folder / platform.known_map) if platform.known_map else None
+    if not platform.known_map:
+        return None
+    path = folder / platform.known_map
+    known = read_map(path)
+    for row in platform.components:
+        if row.class_name == MAP_CLASS:
+            try:
+                stack_with(known, load_settings(MapSettings, row.settings, row.name))
+            except Refused as refusal:
+                message, _, hint = str(refusal).partition("; ")
+                raise InputError([Finding(file=str(path), message=message, hint=hint)]) from refusal
+    return known
 
 
 def devices_of(rows: Sequence[ComponentRow]) -> list[str]:

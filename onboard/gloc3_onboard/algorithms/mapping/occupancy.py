@@ -96,21 +96,34 @@ class OccupancyStack:
             part[is_free] = np.maximum(part[is_free] - 1, LEAST)
             part[is_hit] = np.minimum(part[is_hit] + HIT, MOST)
 
-    def add_map(self, known: OccupancyMap) -> None:
+    def add_map(self, known: OccupancyMap) -> bool:
         """Adds a map that is known already, cell by cell; a few rays change it.
 
         Args:
             known: with the same cells and layers.
+
+        Returns:
+            Whether there is room for all of it.
         """
         first = [round(part / self.cell_m) for part in known.corner_ne_m]
-        self._cover((first[0], first[0] + known.rows), (first[1], first[1] + known.columns))
+        spans = (first[0], first[0] + known.rows), (first[1], first[1] + known.columns)
+        self._cover(*spans)
+        for (begin, end), (least, most) in zip(spans, (self._rows, self._columns), strict=True):
+            if begin < least or end > most:
+                return False
         for level, cells in zip(known.levels, cells_of(known), strict=True):
             layer = self._layer(level)
             if layer is not None:
                 part = layer[first[0] - self._rows[0] :, first[1] - self._columns[0] :][: known.rows, : known.columns]
-                cells = cells[: part.shape[0], : part.shape[1]]
                 part[cells == CELL_FREE] = LEAST // 2
                 part[cells == CELL_OCCUPIED] = MOST // 2
+        return self._layers.keys() >= set(known.levels)
+
+    def reach(self, at_ne_m: tuple[float, float], range_m: float) -> bool:
+        """Grows around a place as far as it may; whether the place is in the map then."""
+        row, column = (math.floor(part / self.cell_m) for part in at_ne_m)
+        rows, columns = self._window(row, column, math.ceil(range_m / self.cell_m) + 1)
+        return row in rows and column in columns
 
     def message(self, height_m: float) -> OccupancyMap:
         """What is known, as a message.
@@ -206,6 +219,7 @@ def _grown(span: tuple[int, int], first: int, end: int, most: int) -> tuple[int,
     """A span of cells that grows in blocks to hold another one, as far as it may."""
     first, end = first // BLOCK * BLOCK, -(-end // BLOCK) * BLOCK
     if span[0] == span[1]:
+        first += max(0, end - first - most) // 2 // BLOCK * BLOCK
         return first, min(end, first + most)
     first = max(min(span[0], first), span[1] - most)
     return first, min(max(span[1], end), first + most)

@@ -102,8 +102,10 @@ class NavigatorController(ActionPerformer, Controller[NavigatorSettings]):
         """Asks for a route from the vehicle's position."""
         if self._pose is None or not self._pose.is_valid:
             raise Refused("there is no valid pose")
-        if now_s - self._map_s > TOPICS["map"].silent_s:
+        if math.isinf(self._map_s):
             raise Refused("there is no map to plan in")
+        if now_s - self._map_s > TOPICS["map"].silent_s:
+            raise Refused(f"the map has no scan of the last {TOPICS['map'].silent_s:g} s")
         if isinstance(arguments, FollowWaypointsOrder):
             refuse_unkept(arguments, self.keeps, "a planned way")
             if len(arguments.waypoints_ned_m) != 1:

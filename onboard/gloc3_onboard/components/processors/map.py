@@ -52,6 +52,30 @@ class MapSettings(ScanPlacementSettings, frozen=True):
     """What is so near to another vehicle, in metres, is that vehicle and not entered."""
 
 
+def stack_with(known: OccupancyMap | None, settings: MapSettings) -> OccupancyStack:
+    """An empty map, or one that begins with what is known.
+
+    Raises:
+        Refused: the known map does not fit the settings.
+    """
+    stack = OccupancyStack(settings.cell_m, settings.layer_m, settings.most_m, settings.most_layers)
+    if known is None:
+        return stack
+    sizes = (known.cell_m, known.layer_m)
+    if not np.allclose(sizes, (settings.cell_m, settings.layer_m), rtol=1e-6):
+        raise Refused(
+            f"the known map has cells of {sizes[0]:g} m and layers of {sizes[1]:g} m; "
+            f"set cell_m and layer_m, which are {settings.cell_m:g} and {settings.layer_m:g}"
+        )
+    if not stack.add_map(known):
+        north_m, east_m = known.rows * known.cell_m, known.columns * known.cell_m
+        raise Refused(
+            f"the known map is {north_m:g} m by {east_m:g} m with {len(known.levels)} layers; "
+            f"set most_m and most_layers, which are {settings.most_m:g} and {settings.most_layers}, or cut it"
+        )
+    return stack
+
+
 class MapProcessor(DataProcessor[MapSettings]):
     """Enters scans and clouds into a map, while the pose is valid and certain, and reports it at most once a second.
 
@@ -81,18 +105,9 @@ class MapProcessor(DataProcessor[MapSettings]):
         """Begins with what is known already.
 
         Raises:
-            Refused: the known map has other cells or layers.
+            Refused: the known map does not fit the settings.
         """
-        settings = self.settings
-        self._stack = OccupancyStack(settings.cell_m, settings.layer_m, settings.most_m, settings.most_layers)
-        if (known := self._known) is not None:
-            sizes = (known.cell_m, known.layer_m)
-            if not np.allclose(sizes, (settings.cell_m, settings.layer_m), rtol=1e-6):
-                raise Refused(
-                    f"the known map has cells of {sizes[0]:g} m and layers of {sizes[1]:g} m; "
-                    f"set cell_m and layer_m, which are {settings.cell_m:g} and {settings.layer_m:g}"
-                )
-            self._stack.add_map(known)
+        self._stack = stack_with(self._known, self.settings)
         self._entered_s = self._reported_s = -math.inf
         self._begun_s, self._last = math.inf, None
 
@@ -131,6 +146,8 @@ class MapProcessor(DataProcessor[MapSettings]):
             return f"the pose is not certain enough: {std_m:.2f} m"
         if fault := fault_of(payload) if isinstance(payload, LaserScan) else cloud_fault(payload):
             return fault
+        if not self._stack.reach((placed.pose[0], placed.pose[1]), self.settings.range_m):
+            return f"the vehicle is outside the map, which is as large as it may be: {self.settings.most_m:g} m"
         self._entered_s = scan.t_s
         others = inbox.latest(self.neighbours)
         vehicles = others.payload.vehicles if others is not None else []

@@ -1,6 +1,8 @@
 """The map that is built in flight: against the world's truth, and what is not entered."""
 
 import math
+import re
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from gloc3.platform.reader import load_platform
 from gloc3.terrain.map_file import write_map
 from gloc3_onboard.algorithms.mapping.known_space import cells_of
 from gloc3_onboard.algorithms.scan_matching.planar import Planar
+from gloc3_onboard.cli.platform_report import report_on
 from gloc3_onboard.components.processors.map import MapProcessor, MapSettings
 from gloc3_onboard.inputs import known_map
 from gloc3_sitl.world import World
@@ -117,6 +120,69 @@ def test_a_map_that_is_known_is_there_at_the_start_and_what_is_seen_counts_more(
     assert (second.state(2.0, 0.0), second.state(2.5, 0.0)) == (CELL_FREE, CELL_FREE)
     with pytest.raises(Refused, match=r"cells of 0\.1 m and layers of 0\.5 m; set cell_m and layer_m, which are 0\.2"):
         Mapping(ROOM, known, cell_m=0.2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "settings", "why"),
+    [
+        (
+            {"cell_m": 0.05},
+            "",
+            r"cells of 0\.05 m and layers of 0\.5 m \(set cell_m and layer_m, which are 0\.1 and 0\.5\)",
+        ),
+        (
+            {"layer_m": 1.0},
+            "",
+            r"cells of 0\.1 m and layers of 1 m \(set cell_m and layer_m, which are 0\.1 and 0\.5\)",
+        ),
+        (
+            {},
+            "most_m: 10",
+            r"is 9\.6 m by 12 m with 2 layers \(set most_m and most_layers, which are 10 and 16, or cut it\)",
+        ),
+        ({}, "most_layers: 1", "set most_m and most_layers, which are 80 and 1, or cut it"),
+        ({}, "", ""),
+    ],
+)
+def test_a_known_map_that_does_not_fit_the_settings_is_found_before_the_flight(
+    changes: dict[str, float], settings: str, why: str, tmp_path: Path
+) -> None:
+    cells = np.full((2, 96, 120), CELL_FREE, np.uint8)
+    known = OccupancyMap(
+        corner_ne_m=(-3.2, -6.0),
+        cell_m=0.1,
+        rows=96,
+        columns=120,
+        layer_m=0.5,
+        levels=[1, 2],
+        cells=zlib.compress(cells.tobytes()),
+    )
+    write_map(tmp_path / "room.yaml", replace(known, **changes))
+    platform = tmp_path / "mine.yaml"
+    row = f"components: [{{name: map, settings: {{{settings}}}}}]\n"
+    platform.write_text(f"extends: pelican\nplatform: mine\nknown_map: room.yaml\n{row}")
+    report = report_on(str(platform))
+    assert report.is_ok == (not why)
+    assert not why or re.search(why, str(report.findings[0]))
+
+
+def test_a_vehicle_outside_a_map_of_the_largest_size_enters_nothing_and_says_so() -> None:
+    away = OccupancyMap(
+        corner_ne_m=(20.0, 20.0),
+        cell_m=0.1,
+        rows=10,
+        columns=10,
+        layer_m=0.5,
+        levels=[4],
+        cells=zlib.compress(bytes([CELL_FREE] * 100)),
+    )
+    mapping = Mapping(ROOM, away, most_m=20.0)
+    mapping.scan(5)
+    component = mapping.stage.component
+    assert isinstance(component, MapProcessor)
+    assert component.reason == "the vehicle is outside the map, which is as large as it may be: 20 m"
+    assert (component.scans, component.left_out) == (0, 5)
+    assert mapping.stage.valid_s[OccupancyMap] == 0.2
 
 
 @pytest.mark.parametrize(

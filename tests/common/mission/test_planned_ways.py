@@ -77,6 +77,28 @@ def test_an_exploration_has_an_area_or_a_fence_and_a_height_and_a_speed_that_the
     assert messages(checked("explore: {speed_m_s: 9}")) == ["9 m/s exceeds the platform's limit of 3 m/s"]
 
 
+@pytest.mark.parametrize(
+    ("area", "said"),
+    [
+        ("[[0, 0], [4, 4], [0, 4], [4, 0]]", "the polygon crosses itself"),
+        ("[[0, 0], [4, 0], [8, 0]]", "the polygon "),
+        ("[[30, 0], [40, 0], [40, 10]]", "all of the area to explore is outside the fence"),
+        ("[[21, -9], [40, -9], [40, 20], [21, 20]]", "all of the area to explore is outside the fence"),
+    ],
+)
+def test_an_exploration_of_an_impossible_area_is_found(area: str, said: str) -> None:
+    (found,) = messages(checked(f"explore: {{area_m: {area}}}"))
+    assert said in found
+
+
+@pytest.mark.parametrize(
+    "area",
+    ["[[0, 0], [4, 0], [4, 4]]", "[[-9, -9], [40, -9], [40, 40], [-9, 40]]", "[[15, 0], [40, 0], [40, 10], [15, 10]]"],
+)
+def test_an_exploration_may_reach_beyond_the_fence(area: str) -> None:
+    assert checked(f"explore: {{area_m: {area}}}").is_ok
+
+
 def test_for_an_unknown_vehicle_both_are_read() -> None:
     assert checked("go_to: {position_m: [10, 0, 1.5], plan: true}", None).is_ok
     assert checked("explore: {}", None).is_ok

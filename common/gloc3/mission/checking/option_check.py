@@ -10,7 +10,7 @@ from gloc3.mission.model.abilities import abilities, chooses_heading
 from gloc3.mission.model.arguments import FollowWaypointsOrder
 from gloc3.mission.model.conditions import QUANTITIES, Condition
 from gloc3.mission.model.exploring import ExploreOrder
-from gloc3.mission.model.fence import Fence
+from gloc3.mission.model.fence import Area, Fence
 from gloc3.mission.model.model import FLY_PLAN, Action, ItemFile, Mission, where_of
 from gloc3.mission.model.waypoint_options import given_options, options_of
 from gloc3.platform.platform import Platform
@@ -112,20 +112,26 @@ def acceptance_findings(mission: Mission, platform: Platform | None) -> Iterator
 
 
 def area_findings(mission: Mission, fence: Fence | None) -> Iterator[Finding]:
-    """Explorations that no area and no fence limits.
+    """Explorations that no area and no fence limits, and those outside the fence.
 
     Args:
         mission: the mission.
         fence: that of the loaded mission, where a single action beside it is checked.
     """
     document, fence = mission.document, mission.fence or fence
-    if document is None or (fence is not None and fence.area is not None):
+    inside = fence.area if fence is not None else None
+    if document is None:
         return
     for target, action in mission.actions().items():
-        if isinstance(action.order, ExploreOrder) and not action.order.area_ne_m:
-            where = (*where_of(target), action.capability)
+        if not isinstance(action.order, ExploreOrder):
+            continue
+        where, area = (*where_of(target), action.capability), action.order.area_ne_m
+        if not area and inside is None:
             message = "nothing says where to explore: it has no area, and the mission no geofence"
             yield document.finding(where, message, "give it area_m (area in frame geo)", at_key=True)
+        elif area and inside is not None and not Area(polygon_ne_m=area).overlaps(inside):
+            message = "all of the area to explore is outside the fence"
+            yield document.finding(where, message, "move the area or the fence", at_key=True)
 
 
 def kept_options(row: ComponentRow) -> frozenset[str]:

@@ -4,8 +4,10 @@ from typing import Annotated
 
 import msgspec
 
+from gloc3.errors import Refused
 from gloc3.messages.frames import Vector3
 from gloc3.mission.model.arguments import DEFAULT_SPEED_M_S, Arguments
+from gloc3.mission.model.fence import polygon_problem
 from gloc3.mission.model.legs import Budget, FlightLeg
 from gloc3.mission.model.patterns import AtSurveyHeight, GeoArea, LocalArea
 from gloc3.mission.model.placement import Placement, Point, written_for
@@ -50,9 +52,12 @@ class Explore(AtSurveyHeight, frozen=True, kw_only=True):
     def order(self, placement: Placement) -> ExploreOrder:
         """The area in NED."""
         area = written_for(placement, self.area_m, self.area, "area")
-        corners = [placement.ned_from((*corner, 0.0)) for corner in area or ()]
+        places = [placement.ned_from((*corner, 0.0)) for corner in area or ()]
+        corners = tuple((north, east) for north, east, _ in places)
+        if corners and (problem := polygon_problem(corners)):
+            raise Refused(problem)
         return ExploreOrder(
-            area_ne_m=tuple((north, east) for north, east, _ in corners),
+            area_ne_m=corners,
             down_m=-placement.height_from(self.height_m or 0.0),
             speed_m_s=self.speed_m_s or DEFAULT_SPEED_M_S,
             duration_s=self.duration_s,

@@ -69,6 +69,11 @@ class Area(msgspec.Struct, frozen=True, kw_only=True):
             distance = min(distance, *(_to_segment_m(*corner, *start, *end)[0] for corner in edge))
         return distance
 
+    def overlaps(self, other: "Area") -> bool:
+        """Whether a polygon and another area have places in common."""
+        inner = other.polygon_ne_m[0] if other.polygon_ne_m else other.center_ne_m
+        return self.clearance_m(*inner) > 0.0 or any(other.leg_distance_m(*edge) < _SMALL_M for edge in self.edges())
+
     def walls(self, north_m: float, east_m: float) -> Iterator[tuple[float, Point]]:
         """Distance in metres and direction (unit vector north, east) of the nearest point of each edge."""
         if not self.polygon_ne_m:

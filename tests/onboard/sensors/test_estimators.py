@@ -71,6 +71,8 @@ def test_axes_that_point_up_are_turned_and_those_that_point_down_are_not() -> No
         line(axes="enu"),
         line(reset_counter="x"),
         line().replace(b"12.5", b"1e999"),
+        line(t_s=1e308),
+        line(t_s=-1e11),
     ],
     ids=lambda wrong: wrong.decode("latin1")[:40],
 )

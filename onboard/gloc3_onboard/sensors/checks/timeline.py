@@ -1,5 +1,6 @@
 """Order of a device's data in time: new, from the past or future, and silence."""
 
+from math import isfinite
 from typing import Final, NamedTuple
 
 AHEAD_S: Final = 0.05
@@ -39,7 +40,9 @@ class StampMonitor:
         if t_s == previous_s:
             return None
         self._came_s = now_s
-        if not t_s <= now_s + AHEAD_S:
+        if not isfinite(t_s):
+            return Arrival(now_s, f"the {self._what} has no time of validity")
+        if t_s > now_s + AHEAD_S:
             return Arrival(now_s, f"the {self._what} is stamped {t_s - now_s:.2f} s ahead of the present")
         if t_s < now_s - self._silent_s:
             return Arrival(t_s, f"the {self._what} is {now_s - t_s:.1f} s old")

@@ -26,6 +26,8 @@ _LOST: Final = -1
 """The quality that MAVLink's ODOMETRY has when the estimator has failed."""
 _FAR_M: Final = 1e7
 """A position beyond this is no vehicle's."""
+_LATE_S: Final = 1e10
+"""A time beyond this, either way, is no clock's."""
 
 
 class EstimatorReport(NamedTuple):
@@ -75,8 +77,8 @@ class JsonDecoder:
         return found
 
     def _report(self, line: _Line) -> EstimatorReport:
-        if line.t_s is not None and not isfinite(line.t_s):
-            raise ValueError("its time is not finite")
+        if line.t_s is not None and not abs(line.t_s) <= _LATE_S:
+            raise ValueError("its time is no clock's")
         return EstimatorReport(
             line.t_s,
             pose_of(

@@ -107,6 +107,16 @@ def test_pictures_from_the_past_and_the_future_are_marked_and_reported_as_of_now
         assert show(bench, source, picture(9)).is_valid
 
 
+@pytest.mark.parametrize("stamp_s", [math.inf, -math.inf, math.nan])
+def test_a_picture_without_a_time_is_marked_and_reported_as_of_now(stamp_s: float) -> None:
+    with Bench() as bench:
+        source = hosted(bench, CameraSampler)
+        bench.run(1.0)
+        assert show(bench, source, picture(1), stamp_s).reason == "the picture has no time of validity"
+        assert show(bench, source, picture(2)).is_valid
+        assert bench.state("sampler") is State.WORKING
+
+
 def test_a_clock_that_begins_anew_is_believed_after_some_pictures_in_order() -> None:
     with Bench() as bench:
         source = hosted(bench, CameraSampler)

@@ -36,7 +36,14 @@ BAD_PX: Final = 2.0
 
 
 def camera_imu(
-    source: str, /, *, board: str, camera: str = "cam0", imu: str = "", options: OutcomeOptions | None = None
+    source: str,
+    /,
+    *,
+    board: str,
+    camera: str = "cam0",
+    imu: str = "",
+    axes: str = "",
+    options: OutcomeOptions | None = None,
 ) -> int:
     """Calibrate where a camera is on the inertial unit, how it is turned, and by how much their clocks differ.
 
@@ -51,12 +58,14 @@ def camera_imu(
         board: The board, in the forms of `gloc3 calibrate camera`.
         camera: The camera's section in the rig file.
         imu: The unit's topic in the log (imu), or its folder in one like EuRoC's (imu0).
+        axes: Where x, y and z of the unit point in a folder like EuRoC's, by f, b, r, l, d, u: urf as in EuRoC's own (up,
+            right, forward), which is the default, frd, flu.
         options: Where to write the result.
     """
     options = options or OutcomeOptions()
     options.check()
     target, model = read_board(board), _model(options.rig, camera)
-    samples = _samples(source, imu)
+    samples = _samples(source, imu, axes)
     pictures = find_pictures(source, camera)
     if any(picture.t_s is None for picture in pictures):
         raise Refused(f"{source}: its pictures have no times; name a log, or a folder like EuRoC's")
@@ -85,12 +94,14 @@ def _model(rig: Path, camera: str) -> CameraModel:
     return read_calibration(rig).camera(camera)
 
 
-def _samples(source: str, imu: str) -> ImuMotion:
+def _samples(source: str, imu: str, axes: str) -> ImuMotion:
     path = Path(source.partition("#")[0])
     if path.suffix == LOG:
+        if axes:
+            raise Refused("--axes is of folders like EuRoC's; the unit's axes in a log are forward, right, down")
         records = topic_records(path, imu or "imu", ImuSample)
     else:
-        records = euroc.imu_records(path, imu or "imu0")
+        records = euroc.imu_records(path, imu or "imu0", axes or euroc.AXES)
     return imu_motion([record.log_s for record in records], [record.load() for record in records])
 
 

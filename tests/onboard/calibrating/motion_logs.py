@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+import cv2
 import numpy as np
 from msgspec.structs import replace
 from tests.common.log.samples import LogInMemory
@@ -12,6 +13,7 @@ from tests.onboard.algorithms.calibration.rendered import CAMERA, CHECKERBOARD, 
 from tests.onboard.algorithms.scan_matching.rays import HOLD, Scanner
 
 from gloc3.camera.model import CameraModel
+from gloc3.log.reader import LogReader
 from gloc3.messages.envelope import Message, Source
 from gloc3.messages.perception import ImuSample
 from gloc3.messages.vehicle import Image
@@ -53,6 +55,27 @@ def camera_log(path: Path, seconds: float = 8.0, rate_hz: float = 10.0, camera: 
         for t_s, rate, force in rows
     ]
     return _written(path, entries)
+
+
+def camera_folder(folder: Path, log: Path) -> Path:
+    """The same as a folder like EuRoC's, with the unit's columns forward, right, down."""
+    (folder / "cam0" / "data").mkdir(parents=True)
+    (folder / "imu0").mkdir()
+    pictures, samples = ["#timestamp,filename"], ["#timestamp,w,a"]
+    with LogReader(log) as reader:
+        for _, entry in reader.entries("camera/front"):
+            name, image = f"{round(entry.t_s * 1e9)}.png", entry.payload
+            cv2.imwrite(
+                str(folder / "cam0" / "data" / name),
+                np.frombuffer(image.data, np.uint8).reshape(image.height, image.width),
+            )
+            pictures.append(f"{round(entry.t_s * 1e9)},{name}")
+        for _, entry in reader.entries("imu"):
+            values = (*entry.payload.rate_frd_rad_s, *entry.payload.specific_force_frd_m_s2)
+            samples.append(",".join([str(round(entry.t_s * 1e9)), *map(str, values)]))
+    (folder / "cam0" / "data.csv").write_text("\n".join(pictures))
+    (folder / "imu0" / "data.csv").write_text("\n".join(samples))
+    return folder
 
 
 def yaw_rad(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tests.common.log.samples import LogInMemory
 from tests.onboard.algorithms.calibration.motions import HAND
 from tests.onboard.algorithms.calibration.test_camera_imu_fit import camera_motion
-from tests.onboard.calibrating.motion_logs import OFFSET_S, SMALL, camera_log, laser_log
+from tests.onboard.calibrating.motion_logs import OFFSET_S, SMALL, camera_folder, camera_log, laser_log
 from tests.onboard.calibrating.picture_sets import BOARD
 
 from gloc3.camera.geometry import matrix
@@ -20,7 +20,7 @@ from gloc3.messages.frames import rotate
 from gloc3.messages.perception import ImuSample
 from gloc3_onboard.algorithms.calibration.camera_imu_fit import fit_camera_imu
 from gloc3_onboard.calibrating.camera_imu import doubts_of
-from gloc3_onboard.calibration.mounting import FORWARD, IN_PLACE, Transform
+from gloc3_onboard.calibration.mounting import FORWARD, IN_PLACE, Transform, frd_from_axes
 from gloc3_onboard.calibration.reader import read_calibration
 from gloc3_onboard.calibration.rig_file import camera_section, read_sections, rows_of, write_sections
 
@@ -82,6 +82,17 @@ def test_the_place_of_the_camera_before_it_in_the_chain_follows_from_its_own(log
     assert cameras["cam0"].time_shift_s == cameras["cam1"].time_shift_s
 
 
+def test_the_axes_of_the_unit_in_a_folder_are_those_that_are_given(log: Path, rig: Path, tmp_path: Path) -> None:
+    folder = camera_folder(tmp_path / "moved", log)
+    command = ["calibrate", "camera-imu", f"{folder}#cam0", "--board", BOARD, "--rig", str(rig)]
+    place = -HAND.camera_from_imu.inv().apply(HAND.imu_in_camera_m)
+    assert run([*command, "--axes", "frd"]) == 0
+    assert read_calibration(rig).cameras["cam0"].position_frd_m == pytest.approx(place, abs=0.008)
+    assert run(command) == 0
+    as_of_euroc = rotate(frd_from_axes("urf"), (place[0], place[1], place[2]))
+    assert read_calibration(rig).cameras["cam0"].position_frd_m == pytest.approx(as_of_euroc, abs=0.008)
+
+
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     assert run(["calibrate", *arguments]) == 2
     said = capsys.readouterr().err
@@ -102,6 +113,8 @@ def test_what_camera_imu_lacks_is_named(
     assert "it has no ImuSample in 'imus' (did you mean 'imu'?)" in said
     said = refused(capsys, "camera-imu", f"{log}#camera/fron", *board)
     assert "it has no Image in 'camera/fron'" in said
+    said = refused(capsys, "camera-imu", f"{log}#camera/front", *board, "--axes", "frd")
+    assert "--axes is of folders like EuRoC's" in said
     said = refused(capsys, "camera-imu", "nowhere", *board)
     assert "nowhere: no data set of EuRoC's kind with imu0/data.csv" in said
 

@@ -61,14 +61,20 @@ def stereo_records(folder: Path, names: tuple[str, str]) -> Sequence[Recorded[tu
     return matching(left, right)
 
 
-def imu_records(folder: Path, sensor: str) -> Sequence[Recorded[ImuSample]]:
+def imu_records(folder: Path, sensor: str, axes: str = AXES) -> Sequence[Recorded[ImuSample]]:
     """Samples of an inertial unit, on FRD axes.
+
+    Args:
+        folder: the data set.
+        sensor: the unit's folder in it.
+        axes: where x, y and z of the file point.
 
     Raises:
         InputError: the file is missing or damaged.
+        Refused: the axes are invalid.
     """
     place = sensor_folder(folder, sensor)
-    frd_from_imu = frd_from_axes(AXES)
+    frd_from_imu = frd_from_axes(axes)
     return [
         Recorded(stamp_s, partial(_sample, frd_from_imu, tuple(map(float, row[1:7]))))
         for stamp_s, row in _rows(place / "data.csv", 7, are_numbers=True)

@@ -131,11 +131,11 @@ def listen(url: str, seconds: float) -> Floats:
         Refused: the link cannot be had, or no reading comes.
     """
     listener = FieldListener()
-    narrate("turn the vehicle slowly about all its axes, each side down once, away from steel; Ctrl-C ends")
     with suppress(KeyboardInterrupt):
         asyncio.run(_listen(url, listener, seconds))
     if not listener.rows:
-        raise Refused(f"{url}: no reading of a magnetometer has come ({', '.join(MESSAGES)})")
+        reason = listener.problem or f"no reading of a magnetometer has come ({', '.join(MESSAGES)})"
+        raise Refused(f"{url}: {reason}")
     return np.array(listener.rows)
 
 
@@ -145,6 +145,8 @@ class FieldListener:
     def __init__(self) -> None:
         self.rows: list[tuple[float, float, float]] = []
         self.autopilot: Address | None = None
+        self.problem = ""
+        """Why nothing comes on the link; empty if it is open."""
         self._kind = ""
 
     def receive(self, sender: Address, message: MavlinkMessage) -> None:
@@ -207,6 +209,11 @@ async def _listen(url: str, listener: FieldListener, seconds: float) -> None:
             for message in listener.requests():
                 endpoint.send(encoder.encode(message))
             await passed(REPEAT_S)
+            if not listener.rows and endpoint.problem != listener.problem:
+                listener.problem = endpoint.problem
+                narrate(f"{url}: {listener.problem or 'the link is open'}")
+            if listener.rows and not count:
+                narrate("turn the vehicle slowly about all its axes, each side down once, away from steel; Ctrl-C ends")
             if len(listener.rows) > count:
                 count, last_s = len(listener.rows), loop.time()
             if count and loop.time() - shown_s >= SHOWN_S:

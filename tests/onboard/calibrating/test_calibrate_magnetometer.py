@@ -230,3 +230,16 @@ def test_a_live_turn_ends_when_enough_has_been_shown(
     assert code == 0, said
     assert "turn the vehicle" in said
     assert read_sections(tmp_path / "rig.yaml")["magnetometer"]["offset_gauss"] == pytest.approx(OFFSET, abs=5e-3)
+
+
+@pytest.mark.sockets
+def test_a_device_that_is_not_there_is_named_and_nobody_is_told_to_turn_the_vehicle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(field_readings, "REPEAT_S", 0.1)
+    monkeypatch.setattr(field_readings, "LISTEN_S", 0.3)
+    link = f"serial://{tmp_path}/nosuch:57600"
+    assert run(["calibrate", "magnetometer", link, "--rig", str(tmp_path / "rig.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert f"{link}: no such file or directory" in said
+    assert "turn the vehicle" not in said

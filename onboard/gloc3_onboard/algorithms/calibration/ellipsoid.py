@@ -19,6 +19,8 @@ ROUGH_LEAST: Final = 0.05
 """Least singular value of the first fit, as a share of the largest, below which the readings lie in a plane."""
 OUTLIER: Final = 0.03
 """Share of the field beyond which a reading counts less: soft L1."""
+FAR: Final = 4.0
+"""Times the distance of nearly all readings from the middle, beyond which one is far away."""
 SAME: Final = 1e-6
 BLOCKS: Final = 10
 MOST_ROUNDS: Final = 40
@@ -104,7 +106,7 @@ def fit_ellipsoid(readings: Floats) -> EllipsoidFit:
         readings: the field in the body, (n, 3), in any unit.
 
     Raises:
-        Refused: there are too few, they lie in a plane, or on no ellipsoid.
+        Refused: there are too few, some jump, they lie in a plane, or on no ellipsoid.
     """
     from scipy.optimize import least_squares
 
@@ -116,7 +118,11 @@ def fit_ellipsoid(readings: Floats) -> EllipsoidFit:
     if scale <= SAME * float(np.linalg.norm(middle)):
         raise Refused("all readings of the magnetometer are the same: it is stuck, or the vehicle was not turned")
     points = (readings - middle) / scale
-    begin = _algebraic(points)
+    try:
+        begin = _algebraic(points)
+    except Refused:
+        _refuse_jumps(readings)
+        raise
     rough = (points - begin[:3]) @ _symmetric(begin[3:])
     counts = SphereCoverage(_unit(rough))
     cell = (_unit(rough) @ counts.centres.T).argmax(axis=1)
@@ -149,6 +155,24 @@ def fit_ellipsoid(readings: Floats) -> EllipsoidFit:
         after=float(np.linalg.norm(fixed, axis=1).std()),
         coverage=SphereCoverage(_unit(fixed)),
     )
+
+
+def _refuse_jumps(readings: Floats) -> None:
+    """Refuses readings that jump far away from all others, and back in the next one.
+
+    Raises:
+        Refused: there are some.
+    """
+    away = np.linalg.norm(readings - np.median(readings, axis=0), axis=1)
+    is_far = away > FAR * np.quantile(away, 0.9)
+    beside = np.pad(is_far, 1)
+    jumps = readings[is_far & ~beside[:-2] & ~beside[2:]]
+    if len(jumps):
+        first = ", ".join(f"{value:.3g}" for value in jumps[0])
+        raise Refused(
+            f"some readings are far away from those before and after, such as {first}: the magnetometer or its line is "
+            "disturbed; leave them out"
+        )
 
 
 def _algebraic(points: Floats) -> Floats:

@@ -7,6 +7,8 @@ from tests.onboard.algorithms.calibration.fields import FIELD, OFFSET, SOFT, rea
 from gloc3.errors import Refused
 from gloc3_onboard.algorithms.calibration.ellipsoid import LEAST_SHARE, fit_ellipsoid
 
+SPIKES = np.where(np.arange(1200)[:, None] % 40, 0.0, 5.0)
+
 
 def test_hard_and_soft_iron_are_right_within_what_is_claimed() -> None:
     sigmas = []
@@ -48,6 +50,7 @@ def test_a_level_turn_tells_which_side_is_missing() -> None:
         (readings(0)[:20], "20 readings of the magnetometer are too few: 50 are the least"),
         (np.full((100, 3), 0.3), "all readings of the magnetometer are the same"),
         (readings(0, tilt_rad=0.0), "the readings lie in a plane or on a line"),
+        (readings(0) + SPIKES, "some readings are far away from those before and after, such as [45]"),
     ],
 )
 def test_readings_that_do_not_tell_are_refused(

@@ -187,6 +187,14 @@ def test_a_command_given_again_runs_again_although_its_first_frame_is_lost() -> 
     assert line.ran == [(0.0, LAND), (3.0, LAND)], "a client never repeats with the same confirmation"
 
 
+def test_a_command_that_is_given_again_and_again_is_not_put_off_by_its_own_duplicates() -> None:
+    """As MAVSDK's offboard is, until the vehicle has seen setpoints."""
+    line = Line()
+    for number in range(7):
+        line.send(0.2 * number, LAND)
+    assert [t_s for t_s, _ in line.ran] == pytest.approx([0.0, 0.4, 0.8, 1.2])
+
+
 def test_repeats_run_nothing_while_their_sender_waits_for_the_answer() -> None:
     line = Line()
     for confirmation in range(4):

@@ -109,9 +109,8 @@ class MavCommandServer(Microservice[MavCommandRequest]):
         known = self._known.get(key)
         if known is not None and self._is_repeat(known, request, now_s):
             self.repeated += 1
-            known.confirmation = request.confirmation
-            if not request.is_int:
-                known.t_s = now_s
+            if request.confirmation > known.confirmation:
+                known.confirmation, known.t_s = request.confirmation, now_s
             if known.ack is None:
                 self._acknowledge(request, CommandResult.IN_PROGRESS)
             else:

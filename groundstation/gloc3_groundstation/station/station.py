@@ -131,7 +131,12 @@ class Station:
     def listen(self, listener: Listener) -> Unsubscribe:
         """Registers a listener for all changes of the fleet, in order."""
         self._listeners.append(listener)
-        return lambda: self._listeners.remove(listener)
+
+        def unlisten() -> None:
+            if listener in self._listeners:  # else it was called before
+                self._listeners.remove(listener)
+
+        return unlisten
 
     def note(self, platform: str, severity: Severity, text: str) -> None:
         """Adds an event of the station's own."""

@@ -22,7 +22,6 @@ from gloc3.terrain import Terrain, read_map
 from gloc3_onboard.command_server.log_shelf import LogStoreBase
 from gloc3_onboard.command_server.site import Usage
 from gloc3_onboard.companion.routing import Keep
-from gloc3_onboard.components.processors.map import MapProcessor, MapSettings, stack_with
 from gloc3_onboard.process.event_narration import Report
 from gloc3_onboard.process.journal import SystemdJournal
 from gloc3_onboard.process.runner import Create, HostMember
@@ -33,8 +32,6 @@ from gloc3_onboard.sensors.rig import PlatformRig
 
 KNOWN_MAP: Final = "known_map"
 """The device with the map that a platform knows at the start."""
-
-MAP_CLASS: Final = f"{MapProcessor.__module__}:{MapProcessor.__name__}"
 
 
 class Sensors(NamedTuple):
@@ -92,10 +89,13 @@ def known_map(platform: Platform, folder: Path) -> OccupancyMap | None:
     """
     if not platform.known_map:
         return None
+    from gloc3_onboard.components.processors.map import MapProcessor, MapSettings, stack_with
+
+    map_class = f"{MapProcessor.__module__}:{MapProcessor.__name__}"
     path = folder / platform.known_map
     known = read_map(path)
     for row in platform.components:
-        if row.class_name == MAP_CLASS:
+        if row.class_name == map_class:
             try:
                 stack_with(known, load_settings(MapSettings, row.settings, row.name))
             except Refused as refusal:

@@ -51,8 +51,8 @@ def _flies_on(
     if mission.fence is None or timeout_s is None:
         return
     orders = [action.order for part in flights_of(mission) for action in part.actions().values()]
-    ways = [order for order in orders if isinstance(order, FollowWaypointsOrder)]
-    near = [(mission.fence.clearance_m(place), order.speed_m_s) for order in ways for place in order.waypoints_ned_m]
+    paths = [order for order in orders if isinstance(order, FollowWaypointsOrder)]
+    near = [(mission.fence.clearance_m(place), order.speed_m_s) for order in paths for place in order.waypoints_ned_m]
     near += [
         (limits.margin_m, order.speed_m_s or limits.speed_m_s) for order in orders if isinstance(order, Teleoperate)
     ]

@@ -3,4 +3,4 @@
 `executor` is its interface; the other modules are its parts.
 """
 
-__all__ = ["amending", "board", "executor", "items", "requests", "restore", "snapshot"]
+__all__ = ["amending", "board", "executor", "items", "requests", "restore", "snapshot", "steering"]

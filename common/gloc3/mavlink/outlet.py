@@ -2,7 +2,8 @@
 
 While all classes have something to send, each has the share of the line given by its weight; alone, it has the whole
 line (deficit round robin, Shreedhar and Varghese 1996). Of each telemetry message only the latest waits: a slow line
-carries it less often, never late. All others wait in order, also those that are unknown. Frames without room in the queue are dropped and counted.
+carries it less often, never late. All others wait in order, also those that are unknown. Frames without room in the
+queue are dropped and counted.
 """
 
 from __future__ import annotations

@@ -56,7 +56,10 @@ STATE_HZ: Final = 1.0
 
 
 class PlaceWatch:
-    """Position and motion of an autopilot without a companion, as platforms report them; its frame begins where it was placed first, at the height of its present home."""
+    """Position and motion of an autopilot without a companion, as platforms report them.
+
+    Its frame begins where it was placed first, at the height of its present home.
+    """
 
     def __init__(self) -> None:
         self.site: SiteSummary | None = None

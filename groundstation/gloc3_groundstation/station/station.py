@@ -171,9 +171,8 @@ class Station:
             command: the last one, in words; it takes the place of those before.
         """
         platform = self.fleet.get(name)
-        if platform is not None and not platform.is_quiet_link(
-            self.now_s()
-        ):  # it is back before the autopilot answered
+        is_back = platform is not None and not platform.is_quiet_link(self.now_s())
+        if is_back:  # before the autopilot has answered
             self._start(self._notify(name, command))
         else:
             self._untold[name] = command

@@ -94,8 +94,8 @@ class AcousticLink:
         """Takes a frame from the modem; an order that has been answered is answered again, and not carried out.
 
         One without an answer is requested again, since the command interface may have been away; its journal knows what
-        it has carried out. One that is older than the last, or too old altogether, is refused, so that its sender learns of a clock that has
-        been set back.
+        it has carried out. One that is older than the last, or too old altogether, is refused, so that its sender learns of
+        a clock that has been set back.
         """
         order = self.code.decode(data)
         if not isinstance(order, AcousticOrder):

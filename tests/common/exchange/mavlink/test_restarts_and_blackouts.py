@@ -12,6 +12,7 @@ from gloc3.exchange.tunnel.events import PeerChanged
 from gloc3.exchange.tunnel.peers import DROP_AFTER_S
 from gloc3.exchange.tunnel.routes import EMERGENCY_PATIENCE_S, REQUEST_TIMEOUT_S
 from gloc3.mavlink.message import Address
+from gloc3.mavlink.transport.memory import MemoryLink
 from gloc3.messages.command_interface import Emergency, EmergencyVerb, LoadMission, Steer, Verb
 
 pytestmark = pytest.mark.thorough
@@ -154,17 +155,22 @@ def test_after_a_long_silence_of_one_end_alone_requests_and_replies_go_on_at_onc
     assert not station.undelivered()
 
 
+def join(first: Station, link: MemoryLink) -> None:
+    """A second program takes the station's address, and both hear what comes."""
+    second = Station(77, link.a)
+
+    def handle(data: bytes) -> None:
+        first.take(data)
+        second.take(data)
+
+    link.a.on_data = handle
+
+
 def test_two_processes_at_one_address_are_shown_as_a_clash() -> None:
     async def fly() -> Platform:
         first, platform, link = pair_on(6, CLEAN)
         await asyncio.sleep(5.0)
-        second = Station(77, link.a)
-
-        def handle(data: bytes) -> None:
-            first.take(data)
-            second.take(data)
-
-        link.a.on_data = handle
+        join(first, link)
         await asyncio.sleep(8.0)
         return platform
 
@@ -202,13 +208,7 @@ def test_of_two_programs_at_one_address_the_first_is_not_accepted_while_the_seco
     async def fly() -> Platform:
         first, platform, link = pair_on(10)
         await asyncio.sleep(5.0)
-        second = Station(77, link.a)
-
-        def handle(data: bytes) -> None:
-            first.take(data)
-            second.take(data)
-
-        link.a.on_data = handle
+        join(first, link)
         await asyncio.sleep(60.0)
         return platform
 

@@ -40,6 +40,9 @@ _BLIND_PAST_S: Final = 0.15
 """Age of a past pose up to which the assumed motion is used without the inertial unit, s."""
 _TURN_REPORTED: Final = 0.03
 """Noise density of the autopilot's occasional rate, rad/s/√Hz."""
+_BLIND_STD_M: Final = 0.05
+"""Standard deviation of the position beside that of the filter while the inertial unit is missing: of the attitude with which
+the other sources are read, and of their times."""
 _TILT_STD_RAD, _VELOCITY_STD_M_S, _GYRO_BIAS_STD, _FORCE_BIAS_STD = 0.008, 0.02, 5e-4, 0.05
 
 
@@ -69,6 +72,9 @@ class PoseEstimate:
         them."""
         self.separation_m: Vector3 = (0.0, 0.0, 0.0)
         """How far the position would be from here along each axis if any one source were left out: reported, too."""
+        self.scale_m: Vector3 = (0.0, 0.0, 0.0)
+        """Possible error of the scale of the only odometer, along each axis, as far as the source of positions beside it may not
+        see it: reported, too."""
         self.sunk_m = 0.0
         """By how much heights that lead away from the floor contradict the position, where nothing else tells its height:
         reported, too."""
@@ -113,7 +119,7 @@ class PoseEstimate:
         self.alone.clear()
         self.clones.clear()
         self.floor_down_m = None
-        self._offset = self.reference_m = (0.0, 0.0, 0.0)
+        self._offset = self.reference_m = self.scale_m = (0.0, 0.0, 0.0)
         self._predicted_s = state.t_s
         self._force_s = (0.0, 0.0, 0.0)
         self._distance_m = 0.0
@@ -349,9 +355,10 @@ class PoseEstimate:
     def position_std_m(self) -> Vector3:
         """Standard deviation of the reported position along each axis: with what is not blended in yet."""
         n, e, d = self.errors.covariance.diagonal()[POSITION].tolist()
-        doubts = zip(self.disputed_m, self.separation_m, self.reference_m, self._offset, strict=True)
-        north, east, down = (a * a + b * b + c * c + left * left for a, b, c, left in doubts)
-        return (sqrt(n + north), sqrt(e + east), sqrt(d + down + self.sunk_m * self.sunk_m))
+        doubts = zip(self.disputed_m, self.separation_m, self.reference_m, self.scale_m, self._offset, strict=True)
+        blind_m2 = _BLIND_STD_M**2 if self._is_blind else 0.0
+        north, east, down = (blind_m2 + sum(m * m for m in possible_m) for possible_m in doubts)
+        return (sqrt(n + north), sqrt(e + east), sqrt(d + down + self.sunk_m**2))
 
 
 def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Quaternion:

@@ -31,6 +31,8 @@ _LEAP_M: Final = 0.1
 """Heights that differ by more from one to the next do not lead anywhere."""
 _LEVEL_M: Final = 2.0
 """Over so long a way no range to the floor stays the same to the last digit."""
+_UNSURE_M2: Final = 0.1**2
+"""With a larger variance of the height, one that is repeated to the last digit does not hold it: it may be frozen."""
 _NEW_FLOOR, _LEVEL_M_S = 15, 0.2
 """So many heights in a row that do not fit the floor are another floor, a box, a step, where the vehicle does not climb or
 sink faster than the second: heights that are late fit none meanwhile."""
@@ -372,6 +374,9 @@ class PoseFusion:
         if trust.is_frozen((message.height_m,), (north, east, 0.0), is_moving=False, least_m=_LEVEL_M):
             trust.turn_down("frozen: the same height again and again")
             return
+        if trust.is_repeating and estimate.errors.covariance[2, 2] > _UNSURE_M2:
+            trust.refuse("the same height again while the height is uncertain")
+            return
         reported = height_over(message.height_m, past.state.ned_from_frd, is_slant=self.settings.is_height_slant)
         is_new_floor = self._height_misses >= _NEW_FLOOR and not self._voting.is_disputed
         is_new_floor = is_new_floor and abs(past.state.velocity_ned_m_s[2]) < _LEVEL_M_S
@@ -439,9 +444,9 @@ class PoseFusion:
         lost_s = self.estimate.t_s - self._voting.held_s
         if lost_s > self.settings.coast_s:
             return f"nothing has held the position for {lost_s:.1f} s: {self._voting.problems()}"
-        disputed_s = self.estimate.t_s - self._voting.conflict_s
-        if self._voting.conflict is not None and disputed_s > self.settings.dispute_s:
-            return f"{' and '.join(self._voting.conflict.against)} have contradicted each other for {disputed_s:.0f} s"
+        argued_s = self._voting.argued_s
+        if self._voting.conflict is not None and argued_s > self.settings.dispute_s:
+            return f"{' and '.join(self._voting.conflict.against)} have contradicted each other for {argued_s:.0f} s"
         std_m = max(self.estimate.position_std_m)
         if not std_m <= self.settings.std_limit_m:
             return f"uncertain by {std_m:.2f} m: {self._voting.problems()}"

@@ -11,6 +11,7 @@ from gloc3.messages.frames import Vector3
 from gloc3_onboard.algorithms.fusion.error_state import Matrix
 from gloc3_onboard.algorithms.fusion.estimate import PoseEstimate
 from gloc3_onboard.algorithms.fusion.fault_isolation import FaultIsolation, IsolationResult, OtherAgreement
+from gloc3_onboard.algorithms.fusion.lone_way import LoneWay
 from gloc3_onboard.algorithms.fusion.odometers import Odometers
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 from gloc3_onboard.algorithms.fusion.trust import DISAGREES, SOUND, Trust
@@ -42,25 +43,10 @@ _LONE: Final = 2.0
 """An odometer that is left alone may be wrong by so many times the error of scale with which it would still agree with others."""
 _LASTING, _LASTING_M = 0.8, 0.05
 """A separation of the sources that lasts for that share of their window, and is greater, is not over when the window is."""
+_SUDDEN_S, _SUDDEN_M = 1.0, 0.25
+"""A source that becomes plainly wrong, or is far off, is for so long a doubt of the estimate of no more than so much."""
 _ARGUED_S: Final = 3.0
 """Where sources contradict each other for longer, the vehicle had better hold."""
-
-
-class LoneWay:
-    """The way since a place, and the error of scale that has been claimed for it."""
-
-    def __init__(self, begin_ned_m: Vector3) -> None:
-        self._begin_ned_m = begin_ned_m
-        self._claimed_m2 = np.zeros(3)
-
-    def grow(self, place_ned_m: Vector3, scale_std: float) -> Vector3:
-        """By how much more the position is uncertain along each axis, m, as a standard deviation beside that before."""
-        # The same error for the whole way: the variance grows as (s d)^2; a way back takes nothing away.
-        square_m2 = (scale_std * np.subtract(place_ned_m, self._begin_ned_m)) ** 2
-        more_m2 = np.maximum(square_m2 - self._claimed_m2, 0.0)
-        self._claimed_m2 += more_m2
-        north, east, down = np.sqrt(more_m2).tolist()
-        return north, east, down
 
 
 class SourceVoting:
@@ -111,6 +97,8 @@ class SourceVoting:
         """When the position was last held by no two sources of positions of which one has always been right."""
         self._lone: LoneWay | None = None
         """The way that only one odometer has held."""
+        self._near_s = float("-inf")
+        """When no source was far off."""
         self._lasting = round(_LASTING * settings.window_s / VOTE_S)
         self._separations_m: deque[Vector3] = deque(maxlen=self._lasting)
         """Of the sources that are used, in the last votes."""
@@ -159,9 +147,18 @@ class SourceVoting:
         """1 where several sources agree, 0.8 with two, 0.5 with one, 0.2 with none; less as it becomes uncertain."""
         quality = 1.0 if self.is_standing else (0.2, 0.5, 0.8, 1.0)[min(len(self.witnesses), 3)]
         if self.conflict is not None:
-            quality = min(quality, 0.5 if self._estimate.t_s - self.conflict_s < _ARGUED_S else 0.25)
+            quality = min(quality, 0.25 if self.argued_s > _ARGUED_S else 0.5)
         north, east, down = self._estimate.position_std_m
         return quality * max(0.0, 1.0 - (max(north, east, down) / self._settings.std_limit_m) ** 2)
+
+    @property
+    def argued_s(self) -> float:
+        """How long two sources have contradicted each other while nothing else holds the position; 0 while something does."""
+        if self.conflict is None or any(
+            self.isolation.records[name].is_of_places and name not in self.conflict.against for name in self.witnesses
+        ):
+            return 0.0
+        return self._estimate.t_s - self.conflict_s
 
     def problems(self) -> str:
         """The faults of all sources, in words."""
@@ -252,12 +249,19 @@ class SourceVoting:
         return self.isolation.contradiction(excluded, used[0], now_s) if len(used) == 1 else IsolationResult()
 
     def _separate(self, now_s: float) -> None:
-        """Doubts the position at once where any source, used or perhaps rightly against the estimate, is elsewhere."""
-        doubted = [name for name in sorted(self.isolation.records) if self._may_be_right(self.trust[name])]
-        is_held = any(self.isolation.records[name].is_of_places and self.trust[name].is_used for name in doubted)
-        is_faulty = any(self.trust[name].is_turned_down for name in self.isolation.records)
+        """Doubts the position at once where any source, used or perhaps rightly against the estimate, is elsewhere.
+
+        Some reports in a row with the same error are not known from a drift for a moment: meanwhile the doubt is limited.
+        """
+        records = self.isolation.records
+        doubted = [name for name in sorted(records) if self._may_be_right(self.trust[name], now_s)]
+        is_held = any(records[name].is_of_places and self.trust[name].is_used for name in doubted)
+        is_faulty = any(self.trust[name].is_turned_down for name in records)
         apart_m = self.isolation.separation(doubted, now_s, is_strict=is_faulty and not is_held)
-        self._estimate.separation_m = apart_m
+        if max(apart_m) <= _SUDDEN_M:
+            self._near_s = now_s
+        north, east, down = np.minimum(apart_m, _SUDDEN_M).tolist()
+        self._estimate.separation_m = (north, east, down) if now_s - self._near_s < _SUDDEN_S else apart_m
         used = [name for name in doubted if self.trust[name].is_used]
         self._doubt_lasting(apart_m if used == doubted else self.isolation.separation(used, now_s), is_held=is_held)
 
@@ -288,19 +292,36 @@ class SourceVoting:
             self._estimate.inflate_position((north, east, down))
 
     def _claim_scale(self) -> None:
-        """Claims an error of scale for the way of an odometer that is left alone: nothing shows it any more."""
-        holding = self.witnesses
-        if len(holding) != 1 or len(self.isolation.records) < 2 or self.isolation.records[holding[0]].is_of_places:
-            self._lone = None
+        """Claims an error of scale for the way of an odometer that is left alone: nothing shows it any more.
+
+        A source of positions shows it, but along a line of sight that it hardly knows: as far as that, the error is told only.
+        """
+        estimate, records, holding = self._estimate, self.isolation.records, self.witnesses
+        places = [name for name in holding if records[name].is_of_places]
+        if len(holding) - len(places) != 1 or len(records) < 2:
+            if self._lone is not None:
+                estimate.inflate_position(estimate.scale_m)
+            self._lone, estimate.scale_m = None, (0.0, 0.0, 0.0)
             return
-        place = self._estimate.inertial.now.position_ned_m
+        place = estimate.inertial.now.position_ned_m
         if self._lone is None:
             self._lone = LoneWay(place)
-        self._estimate.inflate_position(self._lone.grow(place, _LONE * self._settings.odometer_scale_std))
+        more_m = self._lone.grow(place, _LONE * self._settings.odometer_scale_std)
+        if places:
+            known_m2 = np.min([records[name].covariance.diagonal() for name in places], axis=0)
+            reported_m2 = np.minimum(np.square(estimate.scale_m) + np.square(more_m), known_m2)
+            north, east, down = np.sqrt(reported_m2).tolist()
+            estimate.scale_m = (north, east, down)
+        else:
+            estimate.inflate_position(more_m)
 
     @staticmethod
-    def _may_be_right(trust: Trust) -> bool:
-        return trust.is_used or (trust.may_vote and not trust.is_coarse)
+    def _may_be_right(trust: Trust, now_s: float) -> bool:
+        """Whether it is used, or is not because of an estimate that may be wrong.
+
+        One that has become plainly wrong tells as much for a moment: so it looks as well where the estimate runs away.
+        """
+        return trust.is_used or (trust.may_vote and (not trust.is_coarse or now_s - trust.down_s < _SUDDEN_S))
 
     def _follow_conflict(self, conflict: IsolationResult | None, now_s: float) -> None:
         """Follows an undecided conflict: the pose may drift as fast as the two sources diverge, and stays off.

@@ -209,6 +209,11 @@ class Trust:
         moved_m2 = sum((a - b) ** 2 for a, b in zip(position, self._same_since, strict=True))
         return moved_m2 > least_m**2 or (is_moving and self._same >= 5 * _SAME)
 
+    @property
+    def is_repeating(self) -> bool:
+        """Whether it has told the same numbers several times in a row, as a frozen sensor does and one at rest."""
+        return self._same >= _SAME
+
     def state(self) -> SourceState:
         """Its state, as a message."""
         return SourceState(

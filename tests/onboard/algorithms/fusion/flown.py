@@ -131,12 +131,14 @@ class Sensor:
     fault: str = ""
     fault_s: tuple[float, float] = (1e9, 1e9)
     wrong_share: float = 0.0
-    """Of the fault `outliers`: how many of the reports are displaced, 0 to 1."""
+    """Of the fault `outliers`: how many of the reports are displaced, 0 to 1; of `bursts`: how many begin one."""
     rng: Any = None
     fault_rng: Any = None
     _held: Any = None
     _next_s: float = 0.3
     _shift: Array = field(default_factory=lambda: np.zeros(3))
+    _burst: Vector3 = (0.0, 0.0, 0.0)
+    _burst_left: int = 0
 
     def reports(self, flight: Flight, t_s: float) -> list[tuple[float, float, Any]]:
         """What is said of this moment: when it arrives, its time of validity, and the message."""
@@ -169,7 +171,20 @@ class Sensor:
                 displacement = tuple((self.fault_rng.normal(size=3) * OUTLIER_M).tolist())
                 is_wrong = self.fault_rng.random() < self.wrong_share
                 return [(arrives_s, t_s, self.displaced(message, displacement) if is_wrong else message)]
+            case "bursts":
+                return [(arrives_s, t_s, self.displaced(message, self._burst_m()))]
         return [(arrives_s, t_s, message)]
+
+    def _burst_m(self) -> Vector3:
+        """Error of a report: now and then two to four in a row have the same one."""
+        if self._burst_left:
+            self._burst_left -= 1
+        elif self.fault_rng.random() < self.wrong_share:
+            self._burst = tuple((self.fault_rng.normal(size=3) * OUTLIER_M).tolist())
+            self._burst_left = int(self.fault_rng.integers(1, 4))
+        else:
+            return (0.0, 0.0, 0.0)
+        return self._burst
 
     def measure(self, flight: Flight, t_s: float) -> Any:
         raise NotImplementedError

@@ -8,11 +8,12 @@ import pytest
 
 from gloc3.messages.frames import conjugate, multiply, to_rotation_vector
 from gloc3.messages.vehicle import HeightAboveGround
+from gloc3_onboard.algorithms.fusion.fault_isolation import IsolationResult
 from gloc3_onboard.algorithms.fusion.pose_fusion import PoseFusion
 from gloc3_onboard.algorithms.fusion.settings import FusionSettings
 
 from .ablation import FAULTS, HARMLESS, SOURCES, judge, suffer
-from .flown import Height, Odometer, Sensor, inspection, sensors_of
+from .flown import GRAVITY, Flight, Height, Odometer, Sensor, Tracker, inspection, sensors_of
 from .fly import Flown, Recorder, attitude_of, fly
 
 pytestmark = pytest.mark.thorough
@@ -340,3 +341,75 @@ def test_heights_that_come_back_leave_in_doubt_what_they_have_moved() -> None:
     off_m = abs(pose.position_ned_m[2] - float(flight.position[flight.index(fusion.estimate.t_s)][2]))
     assert off_m > 0.1
     assert off_m < 4.0 * pose.position_std_m[2]
+
+
+class SteeredHeight(Height):
+    """Frozen on a vehicle that is steered by an estimate which `scaled` carries up: to the truth, heights that lead away."""
+
+    def measure(self, flight: Flight, t_s: float) -> HeightAboveGround:
+        reported: HeightAboveGround = super().measure(flight, t_s)
+        risen_m = 0.5 * 0.05 * GRAVITY * max(t_s - 12.0, 0.0) ** 2
+        return msgspec.structs.replace(reported, height_m=reported.height_m + risen_m)
+
+
+def test_an_inertial_unit_that_carries_the_pose_away_beside_a_frozen_height_is_told_of_at_once() -> None:
+    """The stereo camera alone sees it, and looks plainly wrong itself; the heights seem to confirm what is not so."""
+    sensors = faulty("hummingbird", {"tracker": "removed"})
+    sensors[-1] = SteeredHeight("height", 20.0, 0.02, rng=np.random.default_rng(3))
+    for sensor in sensors:
+        if sensor.name == "ground" and isinstance(sensor, Odometer):
+            sensor.blind = (2, 3, 4)
+    flown = fly(inspection(), sensors, 0, STIFF, imu=scaled, until_s=13.5)  # type: ignore[arg-type]
+    assert np.abs(flown.error_m[:, 2]).max() > 0.1
+    assert longest_dishonest_s(flown) < 0.3
+
+
+def test_a_height_that_repeats_itself_does_not_hold_a_height_that_is_uncertain() -> None:
+    fusion = PoseFusion(STIFF)
+    for name, given in Recorder.of(inspection(), sensors_of("hummingbird", 0), until_s=12.0):
+        getattr(fusion, name)(*given)
+    flight, height_m = inspection(), 0.1 - fusion.pose().position_ned_m[2]
+    told_m = []
+    for count in range(10):
+        t_s = 12.1 + 0.1 * count
+        if count == 6:
+            fusion.estimate.inflate_position((0.0, 0.0, 0.3))
+        index = flight.index(t_s)
+        fusion.imu(tuple(flight.rate[index].tolist()), tuple(flight.force[index].tolist()), t_s)
+        fusion.height(HeightAboveGround(height_m=height_m + (0.01 if count == 9 else 0.0), is_valid=True), t_s)
+        told_m.append(fusion.pose().position_std_m[2])
+    assert min(told_m[6:9]) > 0.29
+    assert told_m[9] < 0.1, "the next one that is another is believed"
+
+
+def test_the_error_of_scale_of_the_only_odometer_is_told_where_the_tracker_looks_along_the_way() -> None:
+    sensors = faulty("hummingbird", {"ground": "removed", "stereo": "scale"})
+    tracker = next(sensor for sensor in sensors if isinstance(sensor, Tracker))
+    tracker.std_m = (0.5, 0.01, 0.01)
+    flown = fly(inspection(), sensors, until_s=24.0)
+    assert np.abs(flown.error_m[:, 0]).max() > 0.1
+    assert longest_dishonest_s(flown) < 0.3
+    tracker.std_m = (0.01, 0.01, 0.01)
+    seen = fly(inspection(), faulty("hummingbird", {"ground": "removed"}), until_s=24.0)
+    assert max(seen.poses[-1].position_std_m) < 0.03, "across its line of sight the tracker shows it"
+
+
+@pytest.mark.parametrize(
+    ("removed", "reason"), [("", ""), ("tracker", "ground and stereo have contradicted each other")]
+)
+def test_two_that_contradict_each_other_do_not_end_a_pose_that_a_tracker_holds(removed: str, reason: str) -> None:
+    """How far they are apart is told all the time; without the tracker the doubt grows with nobody to end it."""
+
+    class Doubting(PoseFusion):
+        def tick(self, now_s: float) -> None:
+            super().tick(now_s)
+            voting = self._voting
+            if now_s > 12.0:
+                voting.conflict = IsolationResult("", ("ground", "stereo"), (0.01, 0.0, 0.0))
+                voting.conflict_s = 12.0
+
+    sensors = [sensor for sensor in sensors_of("hummingbird", 0) if sensor.name != removed]
+    flown = fly(inspection(), sensors, until_s=21.0, fusion=Doubting(Recorder.SETTINGS))
+    assert flown.fusion.why_not_valid().startswith(reason)
+    assert flown.poses[-1].is_valid == (not reason)
+    assert flown.poses[-1].quality == pytest.approx(0.0 if reason else 0.5, abs=0.01)

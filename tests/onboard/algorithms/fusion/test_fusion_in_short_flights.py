@@ -221,6 +221,8 @@ def test_without_the_inertial_unit_it_goes_on_with_the_odometers() -> None:
     assert "imu" not in flown.poses[np.searchsorted(flown.t_s, 8.0)].sources
     assert "imu" in flown.poses[-1].sources
     assert flown.worst_m() < 0.12
+    told_m = [min(pose.position_std_m) for pose in flown.poses if "imu" not in pose.sources]
+    assert 0.05 <= min(told_m) <= max(told_m) < 0.1, "it knows that it knows less"
 
 
 def test_without_the_inertial_unit_and_the_stereo_pair_the_autopilot_tells_where_down_is() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from .flown import Tracker, inspection, sensors_of
 from .fly import fly
-from .outliers import LONGEST_S, Case, lasting, sporadic, together, trial
+from .outliers import LONGEST_S, ODOMETERS_AND_TRACKER, Case, lasting, sporadic, together, trial
 from .plain_gate import PlainGate
 
 pytestmark = pytest.mark.thorough
@@ -89,3 +89,12 @@ def test_the_doubt_about_a_reference_ends_once_another_source_of_positions_holds
     came_back = next(i for i, pose in enumerate(flown.poses) if flown.t_s[i] > 10.0 and "tracker" in pose.sources)
     assert max(flown.fusion.estimate.reference_m) == (0.0 if is_confirmed else pytest.approx(0.05, abs=0.049))
     assert (doubts[-1] < 0.5 * doubts[came_back]) == is_confirmed
+
+
+@pytest.mark.parametrize("name", ODOMETERS_AND_TRACKER)
+def test_some_reports_in_a_row_with_the_same_error_do_not_end_the_pose(name: str) -> None:
+    """Two to four of them, once in two to three seconds: neither outliers nor a drift, and most sources are right."""
+    outcomes = [trial(Case(name, "hummingbird", {name: "bursts"}, 0.03), seed) for seed in range(3)]
+    assert min(outcome.valid_share for outcome in outcomes) >= 0.95
+    assert max(outcome.lying_s for outcome in outcomes) <= LONGEST_S
+    assert max(outcome.worst_m for outcome in outcomes) < 0.03

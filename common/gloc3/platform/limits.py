@@ -60,6 +60,11 @@ class Limits(PlatformRow, frozen=True, kw_only=True):
     turn_radius_m: NotNegative = 0.0
     """For vehicles that can neither turn on the spot nor stop, such as a plane: paths need room to turn, and it waits
     in circles."""
+    approach_m: NotNegative = 0.0
+    """Of what lands on wings along its runway: distance before home at which its approach begins with a circle; 0 for
+    others."""
+    landing_roll_m: NotNegative = 0.0
+    """With that: farthest beyond home that it comes to a standstill."""
 
     rotors_speed_m_s: NotNegative = 0.0
     """Of what has both wings and rotors: speed of ways on rotors. 0 for others."""

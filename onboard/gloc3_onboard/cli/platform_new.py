@@ -95,6 +95,8 @@ KINDS: Final = {
             "survey_acceptance_m": (30.0, "acceptance radius of waypoints"),
             "speed_min_m_s": (13.0, "slower paths are refused"),
             "turn_radius_m": (80.0, "compare it with WP_LOITER_RAD"),
+            "approach_m": (400.0, "where landings begin before home; 0 where they do not follow the runway"),
+            "landing_roll_m": (200.0, "beyond home, until it stands"),
         },
     ),
     VehicleClass.VTOL: VehicleKind(

@@ -56,6 +56,7 @@ SOURCES: Final[Mapping[tuple[Style, VehicleClass], Mapping[str, Mapping[str, flo
     (Style.ARDUPILOT, VehicleClass.PLANE): {
         "survey_speed_m_s": {"AIRSPEED_CRUISE": 1.0},
         "speed_min_m_s": {"AIRSPEED_MIN": 1.0},
+        "approach_m": {"AUTOLAND_WP_DIST": 1.0},
         "height_max_m": {"FENCE_ALT_MAX": 1.0},
     },
     (Style.ARDUPILOT, VehicleClass.VTOL): {

@@ -26,7 +26,7 @@ from gloc3.messages.command_interface import (
     Verb,
 )
 from gloc3.messages.envelope import Severity
-from gloc3.messages.frames import GeoPoint
+from gloc3.messages.frames import GeoPoint, yaw_of
 from gloc3.messages.preflight import PreflightReport, summary
 from gloc3.messages.summaries import EventReport
 from gloc3.messages.vehicle import EmergencyDisarm, FenceProgress
@@ -301,6 +301,7 @@ class MissionCommands:
             home_altitude_m=snapshot.home_altitude_m,
             home_ned_m=snapshot.home_ned_m,
             start_ned_m=snapshot.pose.position_ned_m if snapshot.is_airborne else None,
+            heading_rad=None if snapshot.is_airborne else yaw_of(snapshot.pose.ned_from_frd),
             terrain=self._terrain,
         )
 

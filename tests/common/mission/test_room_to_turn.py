@@ -1,6 +1,8 @@
 """What can neither stop nor turn on the spot gets lines apart from each other, and is refused ways without room to turn."""
 
+from dataclasses import replace
 from itertools import pairwise
+from math import radians
 
 import pytest
 
@@ -95,3 +97,57 @@ def test_where_it_turns_or_circles_there_is_room_to_the_fence() -> None:
     assert "inside the fence, and it circles there: that takes 80 m" in problem(
         place, frame="geo", fence=circle.format(650)
     )
+
+
+AWAY = "go_to: {position_m: [500, 0, 60]}"
+BEGINS_NEAR_HOME = "geofence: {polygon_m: [[-120, -700], [1200, -700], [1200, 700], [-120, 700]]}"
+
+
+def approach(fence: str, heading_deg: float | None = None, end: str = "arrive: {}") -> list[str]:
+    """Errors and warnings about the landing approach."""
+    circumstances = replace(PLANE, heading_rad=None if heading_deg is None else radians(heading_deg))
+    text = TEXT.replace("ACTION", AWAY).replace("END", end).replace("FRAME", "site").replace("FENCE", fence)
+    found = check_text(text, "m", circumstances)
+    return [str(one) for one in found.findings if "landing approach" in one.message]
+
+
+def test_a_landing_approach_that_leaves_the_fence_is_an_error_at_the_landing() -> None:
+    (found,) = approach(BEGINS_NEAR_HOME, heading_deg=0.0)
+    assert found.startswith("m:7:")
+    assert "landing approach leaves the fence or its margin of 30 m, with the runway at 0 degrees" in found
+    assert "it begins 400 m before home with a circle of 80 m, and ends 200 m beyond home" in found
+    assert "widen the fence by 390 m" in found  # 400 m and the radius of the circle, which stays 30 m inside
+    assert approach(BEGINS_NEAR_HOME, heading_deg=180.0) != []  # it begins inside, and rolls out beyond the fence
+    assert approach(BEGINS_NEAR_HOME, heading_deg=110.0) == []
+
+
+def test_an_approach_across_a_keep_out_area_is_an_error() -> None:
+    fence = "geofence: {circle_m: {center_m: [0, 0], radius_m: 900}, keep_out: [{circle_m: {center_m: [-200, 0], radius_m: 40}}]}"
+    (found,) = approach(fence, heading_deg=0.0)
+    assert "landing approach leaves the fence" in found
+    assert approach(fence, heading_deg=90.0) == []
+
+
+def test_an_approach_whose_heading_is_not_known_is_a_warning_that_names_those_that_fit() -> None:
+    (found,) = approach(BEGINS_NEAR_HOME)
+    assert "warning" in found
+    assert "may leave the fence" in found
+    assert "take off at 100 to 115 or 245 to 260 degrees, or widen the fence" in found
+    small = "geofence: {circle_m: {center_m: [0, 0], radius_m: 400}}"
+    (found,) = approach(small)
+    assert "warning" not in found
+    assert "whatever the heading of the runway" in found
+
+
+def test_a_circle_that_leaves_the_fence_on_one_side_is_a_warning() -> None:
+    """The autopilot chooses the side."""
+    fence = "geofence: {polygon_m: [[-600, -600], [1200, -600], [1200, 100], [-600, 100]]}"
+    (found,) = approach(fence, heading_deg=0.0)
+    assert "warning" in found
+    assert "may leave the fence" in found
+
+
+def test_what_lands_only_by_a_policy_is_warned_of_at_the_fence() -> None:
+    (found,) = approach(BEGINS_NEAR_HOME, heading_deg=0.0, end="hold: {for_s: 5}")
+    assert found.startswith("m:3:")
+    assert "warning" in found

@@ -11,6 +11,7 @@ from gloc3.amounts import beside, excess
 from gloc3.errors import Finding, InputError, nearest
 from gloc3.messages.frames import GeoPoint, LocalFrame, TangentPlane, Vector3
 from gloc3.mission.checking.agreement import agreement_findings, silence_findings
+from gloc3.mission.checking.approach_check import approach_findings
 from gloc3.mission.checking.budget_check import budget_findings, time_findings
 from gloc3.mission.checking.contingency_check import contingency_findings, path_findings
 from gloc3.mission.checking.estimate import MissionEstimate, MissionFigures, estimate, together
@@ -71,6 +72,8 @@ class Circumstances:
     """Where the vehicle was armed, else its position on the ground; None where it is unknown."""
     start_ned_m: Vector3 | None = None
     """Position of the vehicle; None for at home, on the ground."""
+    heading_rad: float | None = None
+    """Heading of the vehicle on the ground, in which what lands on wings takes off and lands; None where unknown."""
     assigned: Mapping[str, Sequence[str]] | None = None
     """Platform to its tasks in their order, in place of the file's `assigned`."""
     ended: frozenset[str] = frozenset()
@@ -213,6 +216,8 @@ def check_text(data: bytes | str, file: str, circumstances: Circumstances) -> Ch
     profile = None if platform is not None and platform.limits.stays_down else ground_profile(path, reading.site)
     findings += terrain_findings(mission, profile, reading.site, circumstances.least_clearance_m)
     findings += turn_findings(mission, figures, path, platform)
+    limits = platform.limits if platform is not None else None
+    findings += approach_findings(mission, path, limits, circumstances.home_ned_m, circumstances.heading_rad)
     findings += budget_findings(mission, figures, platform)
     findings += guard_findings(mission, platform)
     findings += plan_findings(mission, platform)

@@ -8,6 +8,7 @@ from tests.flight.card import Card
 
 from gloc3.mavlink.codec import message
 from gloc3.messages.vehicle import FlightMode
+from gloc3.platform.reader import whole_text
 
 REPOSITION = 192
 LINES = """mission: two lines
@@ -111,5 +112,42 @@ def test_a_plane_that_is_led_out_of_its_mission_s_fence_is_turned_back_by_its_au
         plane.until(lambda: "Failsafe: outside the fence" in texts(), 90.0, "its autopilot notices the fence")
         plane.await_mode(FlightMode.RETURN, 1.0)
         plane.always(lambda: east_m(plane) < 1400.0, 30.0, "it turns back")
+    finally:
+        plane.close()
+
+
+def low_battery_return(plane: Card) -> None:
+    """Its autopilot returns by its own failsafe, while it is on the line to the east."""
+    plane.await_state("away.off", "done", 40.0)
+    plane.until(lambda: east_m(plane) > 100.0, 60.0, "it is on the line to the east")
+    plane.flight.simulator.autopilot.parameters.set("BATT_FS_LOW_ACT", 1.0)
+    plane.fault("battery=0.06")
+    plane.await_mode(FlightMode.RETURN, 10.0)
+
+
+def test_a_plane_whose_autopilot_returns_by_a_failsafe_and_circles_over_home_lands_in_the_end(tmp_path: Path) -> None:
+    plane = Card("ardupilot", tmp_path)
+    try:
+        alone = whole_text("plane").replace("low_battery: {action: land, at: 0.1}", "{}")
+        plane.begin(LINES + "on_low_battery: continue\n", platform=alone, parameters={"BATT_FS_LOW_ACT": 0.0})
+        low_battery_return(plane)
+        plane.until(lambda: plane.driver.is_failsafe, 5.0, "the driver sees the failsafe")
+        plane.until(lambda: dist(ned_m(plane)[:2], (0.0, 0.0)) < 100.0, 90.0, "it is over home")
+        plane.await_mode(FlightMode.HOLD, 120.0)
+        plane.await_policy("land", 90.0)
+        plane.await_landed(240.0)
+    finally:
+        plane.close()
+
+
+def test_a_plane_that_its_pilot_returns_stays_with_the_pilot(plane: Card) -> None:
+    try:
+        plane.await_state("away.off", "done", 40.0)
+        plane.until(lambda: east_m(plane) > 100.0, 60.0, "it is on the line to the east")
+        plane.fault("pilot:return")
+        plane.await_mode(FlightMode.RETURN, 5.0)
+        plane.until(lambda: dist(ned_m(plane)[:2], (0.0, 0.0)) < 100.0, 90.0, "it is over home")
+        plane.always(lambda: plane.autopilot.mode is FlightMode.RETURN, 150.0, "nothing of ours takes it away")
+        assert plane.driver.has_pilot_control
     finally:
         plane.close()

@@ -43,6 +43,7 @@ from gloc3.mission.model.states import ActionState
 from gloc3.mission.reading.reader import MissionReferences, read_mission
 from gloc3.platform.platform import Platform
 from gloc3_onboard.command_server.authority import ControlAuthority
+from gloc3_onboard.command_server.circling import CirclingWatch
 from gloc3_onboard.command_server.observing import OURS, TAKE_OVER_S, Observing
 from gloc3_onboard.command_server.site import ServerSettings, Site
 from gloc3_onboard.command_server.summaries import RequestCounts
@@ -110,6 +111,7 @@ class MissionHost:
         """When we had control last, or somebody was heard who may be the pilot."""
         self._gap_s = 0.0
         """Of the last gap that was reported."""
+        self._circling = CirclingWatch()
         self._operated = FlightMode.OTHER
         """Mode that an operator has commanded the autopilot itself; what follows from it is the operator's, too."""
 
@@ -278,10 +280,14 @@ class MissionHost:
         )
         autopilot = self._observing.snapshot.known_autopilot
         if is_failsafe and autopilot is not None:
+            snapshot = self._observing.snapshot
+            self._circling.update(autopilot, snapshot.pose if snapshot.is_pose_fresh(now_s) else None)
             if not autopilot.is_armed:
                 executor.failsafe_landed(now_s)
-            elif self._is_held(autopilot, now_s):
+            elif self._is_held(autopilot, now_s) or self._circling.is_circling:
                 executor.failsafe_holds(now_s)
+        else:
+            self._circling.clear()
         self._follow_operator(executor, autopilot, now_s)
         is_operators = executor.board.is_operator
         is_there = (autopilot is None or autopilot.has_transmitter) and not is_operators

@@ -7,6 +7,7 @@ other as on a thread, and a model gives the cost of each. `guard` runs them: the
 import asyncio
 import os
 import queue
+import signal
 import sys
 import threading
 from collections import deque
@@ -26,13 +27,15 @@ P = ParamSpec("P")
 def guard(job: Callable[..., T], *arguments: Any) -> tuple[T | None, BaseException | None]:
     """Runs an author's code: its result, or what it raised.
 
-    `SystemExit` and the like are an author's errors too: no component may end its host. Only the operator's
-    `KeyboardInterrupt` goes through, which Python raises in the main thread alone.
+    `SystemExit` and the like are an author's errors too: no component may end its host. A `KeyboardInterrupt` goes
+    through only where it may be the operator's: in the main thread, while Python raises it for Ctrl-C. Under
+    `asyncio.Runner`, and so in every flight in virtual time, Ctrl-C cancels the main task instead.
     """
     try:
         return job(*arguments), None
     except KeyboardInterrupt as error:
-        if threading.current_thread() is threading.main_thread():
+        is_raised_by_python = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        if is_raised_by_python and threading.current_thread() is threading.main_thread():
             raise
         return None, error
     except (Exception, SystemExit, GeneratorExit, asyncio.CancelledError) as error:  # noqa: BLE001

@@ -245,11 +245,9 @@ def _run(
             loop.call_at(when_s, exchange.publish, envelope)
         await asyncio.sleep(end_s + 2.0 * ASIDE_S)
 
-    try:
-        loop.run_until_complete(main())
+    with asyncio.Runner(loop_factory=lambda: loop) as runner:
+        runner.run(main())
         host.close()
-    finally:
-        loop.close()
     return published
 
 

@@ -2,18 +2,27 @@
 
 import asyncio
 import gc
+import os
+import signal
+from functools import partial
+from random import Random
 from typing import Any
 from weakref import ReferenceType, ref
 
 import pytest
 
+from gloc3.clock import Clock, run_virtual
 from gloc3.component.component import SensorSampler
+from gloc3.component.context import HostContext
+from gloc3.component.host import ComponentHost
 from gloc3.component.lci import State
 from gloc3.component.ports import Actuation, PortReport
 from gloc3.component.settings import NoSettings
 from gloc3.component.test_bench import Bench
 from gloc3.errors import Gloc3Error, Refused
+from gloc3.exchange import LocalExchange
 from gloc3.messages.envelope import Event, Severity
+from gloc3.messages.topics import TopicTable
 
 from .specimen import Diary, Number, Specimen, row
 
@@ -101,6 +110,43 @@ def test_a_keyed_output_takes_reports_with_a_key_and_nothing_else() -> None:
         bench.run(0.1)
         assert bench.last("components/specimen/status").cause.startswith("Misuse: Keyed reported Number, which fits no")
         assert bench.all("to/{key}") == []
+
+
+def virtual_hosts(*diaries: Diary) -> list[ComponentHost]:
+    """Working components, one for each diary, in the running loop of virtual time."""
+    loop = asyncio.get_running_loop()
+    context = HostContext("site", LocalExchange(), Clock(loop), loop, TopicTable(), Random(1))
+    hosts = []
+    for number, diary in enumerate(diaries):
+        name = f"specimen{number}"
+        hosts.append(ComponentHost(row(name, ports={"result": name}), partial(Specimen, diary), context))
+        hosts[-1].begin()
+    return hosts
+
+
+def test_an_author_who_raises_the_interrupt_in_virtual_time_harms_only_himself() -> None:
+    async def main() -> tuple[list[State | None], str]:
+        diary = Diary()
+        hosts = virtual_hosts(diary, Diary())
+        await asyncio.sleep(1.0)
+        diary.errors["work"] = KeyboardInterrupt()
+        await asyncio.sleep(1.0)
+        return [host.state for host in hosts], str(hosts[0].errors.last_cause)
+
+    assert run_virtual(main()) == ([State.FAULTY, State.WORKING], "KeyboardInterrupt")
+
+
+def test_an_operators_interrupt_ends_what_runs_in_virtual_time() -> None:
+    diary = Diary()
+
+    async def main() -> None:
+        virtual_hosts(diary)
+        diary.acts["work"] = lambda: os.kill(os.getpid(), signal.SIGINT)
+        await asyncio.sleep(1e6)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_virtual(main())
+    assert diary.calls.count("work") < 3
 
 
 def test_an_operators_interrupt_goes_through() -> None:

@@ -229,6 +229,7 @@ def problems_of(
         yield from _device_problems(index, row, classes[row.name])
         yield from _host_problems(index, row, devices)
     yield from _shared_outputs(rows, classes)
+    yield from _deaf_standbys(rows, classes)
     if topics is not None:
         yield from _topic_problems(rows, classes, topics, external)
 
@@ -331,6 +332,40 @@ def _shared_outputs(rows: Sequence[ComponentRow], classes: Classes) -> Iterator[
             if owner.name != row.name and (owner.standby_for or owner.name) != (row.standby_for or row.name):
                 hint = f"bind {port!r} to another topic, or say standby_for: {owner.name}"
                 yield Problem(index, ("ports", port), f"{topic!r} is an output of {owner.name} already", hint)
+
+
+def unread_by_standby(primary: ComponentRow, standby: ComponentRow) -> dict[str, list[str]]:
+    """Inputs that a primary reads and its standby does not: after a take-over nothing that comes there has an effect.
+
+    Args:
+        primary: of a class that can be loaded.
+        standby: of the same or another such class.
+
+    Returns:
+        Port of the primary to its topics that the standby reads on no port.
+    """
+    read = {topic for port in standby.load_class().inputs for topic in standby.topics(port)}
+    read.update(topic for port in primary.load_class().outputs for topic in primary.topics(port))
+    unread = {
+        port: [topic for topic in primary.topics(port) if topic not in read] for port in primary.load_class().inputs
+    }
+    return {port: topics for port, topics in unread.items() if topics}
+
+
+def _deaf_standbys(rows: Sequence[ComponentRow], classes: Classes) -> Iterator[Problem]:
+    """Standbys that read less than their primaries. What samples or estimates may be meant to do with less."""
+    by_name = {row.name: row for row in reversed(rows)}
+    for index, row in enumerate(rows):
+        primary = by_name.get(row.standby_for or "")
+        if primary is None or row.name not in classes or primary.name not in classes:
+            continue
+        kind = classes[primary.name]
+        for port, topics in unread_by_standby(primary, row).items():
+            where = ("ports", port) if port in row.ports else ("ports",) if row.ports else ()
+            message = f"{row.name} does not read {', '.join(topics)}, which {primary.name} reads as {port!r}"
+            hint = f"bind {port!r} as {primary.name} does: after a take-over nothing else reads it"
+            is_warning = kind.kind not in (Kind.CONTROLLER, Kind.DRIVER)
+            yield Problem(index, where, message, hint, is_warning=is_warning)
 
 
 def _topic_problems(

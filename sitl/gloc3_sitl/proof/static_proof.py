@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from gloc3.component.deployment import ComponentRow, FaultPolicy, OnFault
+from gloc3.component.deployment import ComponentRow, FaultPolicy, OnFault, unread_by_standby
 from gloc3.documents.document import Document
 from gloc3.errors import Finding
 from gloc3.messages.envelope import Kind
@@ -107,9 +107,9 @@ class _Reasoning:
             again = (
                 f"brought up again {on_fault.reinitialize.times} times from {on_fault.reinitialize.back_off_s:g} s on"
             )
-        if on_fault.standby and on_fault.standby in self._rows:
-            text = f"{on_fault.standby} takes over within 0.1 s" + (f"; {row.name} is {again}" if again else "")
-            return StaticCell(component=row.name, phase=phase, answer=text, by=on_fault.standby)
+        if standby := self._standby_of(row):
+            text = f"{standby} takes over within 0.1 s" + (f"; {row.name} is {again}" if again else "")
+            return StaticCell(component=row.name, phase=phase, answer=text, by=standby)
         if row.name == SERVER:
             return self._server(phase, again)
         policy, why = self._policy(row, on_fault.then, task, action)
@@ -179,6 +179,12 @@ class _Reasoning:
 
     # --- what rests on what ---
 
+    def _standby_of(self, row: ComponentRow) -> str:
+        """The standby that takes over from it; empty without. One that reads less than it does not count."""
+        name = row.on_fault.standby if isinstance(row.on_fault, OnFault) else None
+        standby = self._rows.get(name or "")
+        return standby.name if standby is not None and not unread_by_standby(row, standby) else ""
+
     def _closure(self, capability: Capability) -> set[str]:
         """The components without which a capability cannot be performed."""
         found = {capability.performed_by} if capability.performed_by else set()
@@ -197,7 +203,7 @@ class _Reasoning:
         found: set[str] = set()
         for name in self._producers.get(topic, ()):
             row = self._rows[name]
-            if row.standby_for or _has_standby(row):
+            if row.standby_for or self._standby_of(row):
                 continue
             found.add(name)
             for trigger in row.triggers:
@@ -232,10 +238,6 @@ class _Reasoning:
                     found.add(name)
                     waiting += [one for port in row.load_class().inputs for one in row.topics(port)]
         return found
-
-
-def _has_standby(row: ComponentRow) -> bool:
-    return isinstance(row.on_fault, OnFault) and row.on_fault.standby is not None
 
 
 # --- findings ---

@@ -248,3 +248,16 @@ def test_what_only_an_input_wakes_cannot_act_on_its_silence(name: str, is_told: 
     assert [finding.is_warning for finding in told] == [True] * is_told
     paced = msgspec.structs.replace(row, rate_hz=5.0)
     assert check_row(paced, row.load_class()) == []
+
+
+def test_a_standby_that_reads_less_than_its_primary_is_found_at_its_ports() -> None:
+    """A driver or a controller would do nothing after a take-over; of what estimates it may be meant."""
+    both = {"given": ["given", "result"], "event": "components/source/event"}
+    primary = listener(on_fault={"standby": "spare"}, ports=both)
+    spare = listener("spare", standby_for="listener", begin="quiet", rate_hz=5.0)
+    (text,) = [one for one in found(source(), primary, spare) if "does not read" in one]
+    assert text.startswith("component spare: warning: ports: ")
+    assert "spare does not read result, which listener reads as 'given'" in text
+    assert "(bind 'given' as listener does: after a take-over nothing else reads it)" in text
+    covering = listener("spare", standby_for="listener", begin="quiet", rate_hz=5.0, ports=both)
+    assert not [one for one in found(source(), primary, covering) if "does not read" in one]

@@ -4,6 +4,7 @@ import msgspec
 import pytest
 from tests.sitl.proof.test_search import HOP
 
+from gloc3.errors import InputError
 from gloc3.mission.examples import find_mission
 from gloc3.mission.reading.reader import MissionReferences, load_mission
 from gloc3.mission.templates import mission_from
@@ -98,3 +99,20 @@ def test_the_answers_are_what_happens() -> None:
         flown = list(fly_cells(few, HOP, fly, lambda text: None))
     assert [one.problem for one in flown] == ["", "", ""]
     assert [one.state for one in flown] == ["done", "failed", "done"]
+
+
+def test_a_standby_that_does_not_read_the_setpoints_of_its_primary_is_an_error_and_no_answer() -> None:
+    text, wanted = whole_text("pelican_rtk"), "setpoint_wanted/waypoints, "
+    row = next(line for line in text.splitlines() if "name: limiter_standby," in line)
+    assert wanted in row
+    text = text.replace(row, row.replace(wanted, ""))
+    with pytest.raises(InputError) as refused:
+        check_platform(read_document(text, "platform.yaml"), is_loading_classes=True)
+    (finding,) = [one for one in refused.value.findings if not one.is_warning]
+    assert text.splitlines()[finding.line - 1].lstrip().startswith("- {name: limiter_standby,")
+    assert "limiter_standby does not read setpoint_wanted/waypoints, which limiter reads" in finding.message
+    document = read_document(text, "platform.yaml")
+    platform = check_platform(document, is_loading_classes=False)
+    proof = prove_statically(platform, load_mission(str(find_mission("hop")), MissionReferences.of(platform)), document)
+    assert not cell(proof, "limiter").by
+    assert "takes over" not in cell(proof, "limiter").answer

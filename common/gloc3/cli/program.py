@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gloc3 import __version__
 from gloc3.cli.narration import ERROR, narrate
+from gloc3.component.memory import MemoryReserve, is_out_of_memory
 from gloc3.errors import Gloc3Error, InputError, NoContact, nearest
 from gloc3.installed import installed_points
 
@@ -60,6 +61,9 @@ EXTRAS: Final = {
 }
 """Libraries that only some of the installs have, and the extra that brings each."""
 
+MORE_MEMORY: Final = "raise its limit (ulimit -v, MemoryMax= of a service), or leave components out"
+"""What to do where memory is used up."""
+
 EXIT_FAILED: Final = 1
 EXIT_WRONG_USE: Final = 2
 EXIT_INTERRUPTED: Final = 128 + signal.SIGINT
@@ -98,7 +102,12 @@ def run(arguments: Sequence[str]) -> int:
             raise
         hint = f'install it with: pip install "gloc3[{extra}]"'
         narrate(f"{name} needs {error.name}, which is not installed; {hint}", ERROR)
-    except OSError as error:
+    except (OSError, MemoryError, RuntimeError) as error:
+        if is_out_of_memory(error):
+            narrate(f"{name}: {MemoryReserve.text()}; {MORE_MEMORY}", ERROR)
+            return EXIT_FAILED
+        if not isinstance(error, OSError):
+            raise
         parts = (name, error.filename, error.strerror or error)
         narrate(": ".join(str(part) for part in parts if part), ERROR)
     else:

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 from gloc3.component.component import Component
 from gloc3.component.context import HostContext
 from gloc3.component.deployment import Begin, ComponentRow, check_row
-from gloc3.component.error_handler import ErrorHandler, describe
+from gloc3.component.error_handler import CountedError, ErrorHandler, describe
 from gloc3.component.functions import FunctionDesk
 from gloc3.component.hosted import Answer, HostedComponent
 from gloc3.component.lci import CREATE, Command, State, transition
@@ -93,7 +93,7 @@ class ComponentHost:
         """Handles a request; an unexpected exception does not end the host."""
         _, error = guard(handle, message)
         if error is not None:
-            self._hosted.count_cause(f"{type(message).__name__}: {describe(error)}", error)
+            self._hosted.count(CountedError(type(message).__name__, error))
 
     # --- life ---
 

@@ -140,6 +140,8 @@ class OnboardProcess:
         self._endpoints: list[Endpoint] = []
         place = ProcessPlace(choose_host(platform, options.host))
         self._memory = MemoryReserve()
+        self._is_exhausted = False
+        """Whether memory was used up before all was open: no component can be stopped in order."""
         loop.set_exception_handler(self._handle_failure)
         context = HostContext(
             platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random, memory=self._memory
@@ -194,6 +196,15 @@ class OnboardProcess:
 
     async def open(self) -> None:
         """Opens the links and the log, and brings the components up."""
+        try:
+            await self._open_all()
+        except (MemoryError, OSError, RuntimeError) as error:
+            self._is_exhausted = is_out_of_memory(error)
+            if self._is_exhausted:
+                self._memory.release()
+            raise
+
+    async def _open_all(self) -> None:
         options, vehicle = self._options, self.vehicle
         await self._open(options.autopilot, vehicle.attach_autopilot(), pins_autopilot=True)
         for url in options.stations:
@@ -297,7 +308,7 @@ class OnboardProcess:
         """Stops the components, then closes their resources."""
         vehicle = self.vehicle
         self._others.give_up_beginning()
-        if vehicle.onboard is not None:
+        if vehicle.onboard is not None and not self._is_exhausted:
             await vehicle.onboard.stop(partial(self.narrate, Severity.WARNING))
         await self._others.end()
         if vehicle.onboard is not None:

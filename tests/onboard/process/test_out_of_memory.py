@@ -55,3 +55,18 @@ def test_memory_that_is_used_up_is_told_once_and_the_others_work_on(tmp_path: Pa
     assert not [line for line in onboard.lines if "Traceback" in line or re.search(r"\.py:\d+ ", line)], onboard.text
     faulty = {line.split(": ")[1] for line in onboard.lines if "-> faulty" in line}
     assert faulty <= {"leaker", "command_server"}, onboard.text
+
+
+@pytest.mark.parametrize("most_kib", [250_000, 600_000])
+def test_memory_that_does_not_suffice_for_the_start_is_told_in_one_sentence(most_kib: int, tmp_path: Path) -> None:
+    (cable,) = free_ports(1, socket.SOCK_DGRAM)
+    words = ("onboard", "pelican_rtk", "--autopilot", f"udpin://127.0.0.1:{cable}", "--station", "udpout://127.0.0.1:9")
+    limited = ("bash", "-c", f'ulimit -v {most_kib}; exec "$@"', "limited")
+    with program(*words, "--out", "out", folder=tmp_path, before=limited) as onboard:
+        assert onboard.end(30.0) == 1, onboard.text
+    (told,) = [line for line in onboard.lines if "out of memory" in line]
+    assert re.fullmatch(
+        r"gloc3 onboard: out of memory: the process has \d+ MiB of at most \d+ MiB; raise its limit .*", told
+    )
+    assert onboard.lines[-1] == told
+    assert not [line for line in onboard.lines if "Traceback" in line or "Error" in line], onboard.text

@@ -25,4 +25,5 @@ LINES = [
 def test_every_invariant_holds(line: str) -> None:
     result = fly_case(msgspec.json.decode(line, type=FlightCase))
     assert not result.refused
+    assert result.started_s > 0.0, "the mission never ran: nothing was tried"
     assert not result.broken, "\n".join(["", *result.story, *map(str, result.broken)])

@@ -299,8 +299,8 @@ class SourceVoting:
         estimate, records, holding = self._estimate, self.isolation.records, self.witnesses
         places = [name for name in holding if records[name].is_of_places]
         if len(holding) - len(places) != 1 or len(records) < 2:
-            if self._lone is not None:
-                estimate.inflate_position(estimate.scale_m)
+            if max(estimate.scale_m) > _LASTING_M:
+                estimate.doubt_reference(np.zeros(3), estimate.scale_m)
             self._lone, estimate.scale_m = None, (0.0, 0.0, 0.0)
             return
         place = estimate.inertial.now.position_ned_m

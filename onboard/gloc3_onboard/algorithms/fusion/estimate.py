@@ -75,6 +75,9 @@ class PoseEstimate:
         self.scale_m: Vector3 = (0.0, 0.0, 0.0)
         """Possible error of the scale of the only odometer, along each axis, as far as the source of positions beside it may not
         see it: reported, too."""
+        self.misfit = 1.0
+        """By how much more the sources that are used differ from the position than its covariance says, as a factor on the
+        variance: reported, too."""
         self.sunk_m = 0.0
         """By how much heights that lead away from the floor contradict the position, where nothing else tells its height:
         reported, too."""
@@ -358,7 +361,8 @@ class PoseEstimate:
         doubts = zip(self.disputed_m, self.separation_m, self.reference_m, self.scale_m, self._offset, strict=True)
         blind_m2 = _BLIND_STD_M**2 if self._is_blind else 0.0
         north, east, down = (blind_m2 + sum(m * m for m in possible_m) for possible_m in doubts)
-        return (sqrt(n + north), sqrt(e + east), sqrt(d + down + self.sunk_m**2))
+        down += self.sunk_m**2
+        return (sqrt(n * self.misfit + north), sqrt(e * self.misfit + east), sqrt(d * self.misfit + down))
 
 
 def _turned(rotation_rad: tuple[float, float, float], attitude: Quaternion) -> Quaternion:

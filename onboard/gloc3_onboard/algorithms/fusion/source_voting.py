@@ -204,6 +204,14 @@ class SourceVoting:
         self._separate(now_s)
         self._confirm_reference(now_s)
         self._claim_scale()
+        self._estimate.misfit = self._misfit()
+
+    def _misfit(self) -> float:
+        """Mean smoothed innovation of the sources that are used where it is more than sound, as a factor; else 1."""
+        # Sources that contradict what they have made together: its variance times their chi-square (Birge 1932).
+        trusts = [self.trust[name] for name in (*self.isolation.records, HEIGHT) if name in self.trust]
+        innovations = [trust.innovation for trust in trusts if trust.is_used]
+        return max(sum(innovations) / max(len(innovations), 1) / SOUND, 1.0)
 
     def _acquit(self) -> None:
         """Uses again all that were voted out on the word of the inertial unit, which is wrong itself."""

@@ -413,3 +413,18 @@ def test_two_that_contradict_each_other_do_not_end_a_pose_that_a_tracker_holds(r
     assert flown.fusion.why_not_valid().startswith(reason)
     assert flown.poses[-1].is_valid == (not reason)
     assert flown.poses[-1].quality == pytest.approx(0.0 if reason else 0.5, abs=0.01)
+
+
+@pytest.mark.parametrize(("innovation", "factor"), [(1.0, 1.0), (6.0, 2.0)])
+def test_a_pose_that_its_own_sources_contradict_is_as_uncertain_as_they_say(innovation: float, factor: float) -> None:
+    """A mean of 1.5 would still be sound."""
+    fusion, flight = PoseFusion(Recorder.SETTINGS), inspection()
+    for name, given in Recorder.of(flight, sensors_of("hummingbird", 0), until_s=12.0):
+        getattr(fusion, name)(*given)
+    for trust in fusion._voting.trust.values():
+        trust.innovation = innovation
+    for index in range(1201, 1231):
+        fusion.imu(tuple(flight.rate[index].tolist()), tuple(flight.force[index].tolist()), index / 100.0)
+    fusion.tick(12.3)
+    covariance_m2 = fusion.estimate.errors.covariance.diagonal()[:3]
+    assert np.array(fusion.pose().position_std_m) / np.sqrt(covariance_m2) == pytest.approx(factor, abs=0.05)

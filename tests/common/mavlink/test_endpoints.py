@@ -15,7 +15,7 @@ import pytest
 from gloc3.errors import Refused
 from gloc3.mavlink import codec
 from gloc3.mavlink.signing import Signing
-from gloc3.mavlink.transport import serial_line, tcp, udp
+from gloc3.mavlink.transport import pinning, serial_line, tcp, udp
 from gloc3.mavlink.transport.endpoints import Endpoint, open_endpoint
 from gloc3.mavlink.transport.udp import UdpServerEndpoint, senders_in
 
@@ -109,9 +109,51 @@ async def test_what_claims_the_id_of_an_autopilot_that_is_heard_from_another_pee
     assert received == [FRAMES[0], station], "what it sends as somebody else is heard"
     assert server.intruder.startswith(f"127.0.0.1:{second.local_port} claims to be autopilot 1/1, which is heard from")
     server.send(FRAMES[2])
-    monkeypatch.setattr(udp, "PINNED_S", 0.0)
+    monkeypatch.setattr(pinning, "PINNED_S", 0.0)
     second.send(FRAMES[1])
     await until(lambda: received[2:] == [FRAMES[1]])
+
+
+async def test_a_second_client_that_claims_the_id_of_an_autopilot_is_dropped_and_told_over_tcp_as_well(
+    opener: Opener,
+) -> None:
+    server, received = await opener("tcpin://127.0.0.1:0", pins_autopilot=True)
+    true, second = [(await opener(f"tcpout://127.0.0.1:{server.local_port}"))[0] for _ in range(2)]
+    await until(lambda: true.is_connected and second.is_connected)
+    true.send(FRAMES[0])
+    await until(lambda: received == [FRAMES[0]])
+    station = codec.Encoder(255, 190).encode(codec.message("HEARTBEAT"))
+    second.send(FRAMES[1] + station)
+    await until(lambda: bool(server.intruder) and len(received) > 1)
+    assert received == [FRAMES[0], station], "what it sends as somebody else is heard"
+    assert " claims to be autopilot 1/1, which is heard from 127.0.0.1:" in server.intruder
+    assert server.dropped == 1
+    await true.close()
+
+    async def takes_over() -> None:
+        while received[2:] != [FRAMES[2]]:
+            second.send(FRAMES[2])
+            await asyncio.sleep(0.05)
+            del received[2:-1]
+
+    await asyncio.wait_for(takes_over(), 2.0)  # long before PINNED_S: the first one has closed its connection
+
+
+async def test_a_second_port_of_the_host_that_is_sent_to_does_not_become_its_autopilot(opener: Opener) -> None:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as true,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as lie,
+    ):
+        true.bind(("127.0.0.1", 0))
+        port = true.getsockname()[1]
+        client, received = await opener(f"udpout://127.0.0.1:{port}", pins_autopilot=True)
+        client.send(FRAMES[0])
+        _, address = true.recvfrom(1000)
+        true.sendto(FRAMES[1], address)
+        await until(lambda: received == [FRAMES[1]])
+        lie.sendto(FRAMES[2], address)
+        await until(lambda: bool(client.intruder))
+        assert received == [FRAMES[1]]
 
 
 async def test_udp_listener_keeps_a_bounded_number_of_peers_and_forgets_silent_ones(

@@ -244,9 +244,13 @@ async def open_endpoint(
                 url, loop, on_data, wanted.host, wanted.port, pins_autopilot=pins_autopilot
             )
         case "udpout":
-            return await UdpClientEndpoint.open(url, loop, on_data, wanted.host, wanted.port)
+            return await UdpClientEndpoint.open(
+                url, loop, on_data, wanted.host, wanted.port, pins_autopilot=pins_autopilot
+            )
         case "tcpin":
-            return await TcpServerEndpoint.open(url, loop, on_data, wanted.host, wanted.port)
+            return await TcpServerEndpoint.open(
+                url, loop, on_data, wanted.host, wanted.port, pins_autopilot=pins_autopilot
+            )
         case "tcpout":
             return TcpClientEndpoint(url, loop, on_data, wanted.host, wanted.port)
         case _:

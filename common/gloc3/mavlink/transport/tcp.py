@@ -11,6 +11,7 @@ from typing import Final
 
 from gloc3.errors import Refused
 from gloc3.mavlink.codec import Parser
+from gloc3.mavlink.transport.pinning import AutopilotPins
 from gloc3.mavlink.transport.udp import bind_failure, resolve
 
 WAITING_FRAMES: Final = 1024
@@ -42,8 +43,6 @@ def _text(error: Exception) -> str:
 class _TcpEndpoint:
     """What both have in common."""
 
-    intruder = ""
-
     def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
         self.url = url
         self.bytes_received = 0
@@ -63,8 +62,8 @@ class _Connection(asyncio.Protocol):
         self._endpoint, self._now_s = endpoint, now_s
         self.parser = Parser()
         self.transport: asyncio.Transport
-        self.host = ""
-        """Of the other end."""
+        self.host = self.name = ""
+        """Of the other end; the second with its port."""
         self.received_s = now_s()
         """When it sent a frame last, or connected."""
         self._is_paused = False
@@ -87,7 +86,8 @@ class _Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
-        self.host = str(transport.get_extra_info("peername")[0])
+        self.host, port, *_ = transport.get_extra_info("peername")
+        self.name = f"{self.host}:{port}"
         transport.set_write_buffer_limits(0)
         _set_options(transport.get_extra_info("socket"))
         self._endpoint.on_connected(self)
@@ -132,22 +132,37 @@ class TcpServerEndpoint(_TcpEndpoint):
 
     is_datagram = True
 
-    def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
+    def __init__(
+        self,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        *,
+        pins_autopilot: bool = False,
+    ) -> None:
         super().__init__(url, loop, on_data)
+        self._pins = AutopilotPins() if pins_autopilot else None
         self._clients: list[_Connection] = []
         self._server: asyncio.Server | None = None
 
     @classmethod
     async def open(
-        cls, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None], host: str, port: int
+        cls,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        host: str,
+        port: int,
+        *,
+        pins_autopilot: bool = False,
     ) -> TcpServerEndpoint:
-        """Binds the port.
+        """Binds the port; `pins_autopilot` is that of `UdpServerEndpoint.open`.
 
         Raises:
             Refused: the port is in use or not allowed, or the host is not an address of this computer.
         """
         family, address = await resolve(url, loop, host, port, socket.SOCK_STREAM)
-        endpoint = cls(url, loop, on_data)
+        endpoint = cls(url, loop, on_data, pins_autopilot=pins_autopilot)
         try:
             endpoint._server = await loop.create_server(
                 lambda: _Connection(endpoint, loop.time), address[0], port, family=family, backlog=MOST_CLIENTS
@@ -165,6 +180,11 @@ class TcpServerEndpoint(_TcpEndpoint):
     def is_connected(self) -> bool:
         """Whether there is a client."""
         return bool(self._clients)
+
+    @property
+    def intruder(self) -> str:
+        """The recent client that claims the id of another client's autopilot; empty without one."""
+        return "" if self._pins is None else self._pins.intruder(self._loop.time())
 
     def send(self, data: bytes) -> None:
         """Sends to each client."""
@@ -199,13 +219,20 @@ class TcpServerEndpoint(_TcpEndpoint):
         self.bytes_received += len(data)
         frames = connection.parser.receive(data)
         if frames:
-            connection.received_s = self._loop.time()
+            connection.received_s = now_s = self._loop.time()
+        if frames and self._pins is not None:
+            who = [(frame.system, frame.component) for frame in frames]
+            is_kept = [not self._pins.is_intruder(one, connection, connection.name, now_s) for one in who]
+            self.dropped += is_kept.count(False)
+            frames = [frame for frame, kept in zip(frames, is_kept, strict=True) if kept]
         if frames and not self._is_closed:
             self.origin = connection.host
             self._on_data(b"".join(frame.raw for frame in frames))
 
     def on_lost(self, connection: _Connection, error: Exception | None) -> None:
         """A client went."""
+        if self._pins is not None:
+            self._pins.release(connection)
         if error is not None:
             self.problem = _text(error)
         if connection in self._clients:
@@ -217,6 +244,7 @@ class TcpClientEndpoint(_TcpEndpoint):
 
     is_datagram = False
     local_port = None
+    intruder = ""
 
     def __init__(
         self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None], host: str, port: int

@@ -14,6 +14,7 @@ from gloc3.errors import Refused
 from gloc3.mavlink.codec import Parser
 from gloc3.mavlink.fair_share import to_evict
 from gloc3.mavlink.parser import MAGIC_1, MAGIC_2, SIGNATURE_LENGTH, SIGNED
+from gloc3.mavlink.transport.pinning import AutopilotPins
 
 RECEIVE_BUFFER_BYTES: Final = 1 << 22
 """Kernel buffer for unread data, as far as permitted, bytes: half a second of 10,000 datagrams a second."""
@@ -29,13 +30,6 @@ CHECK_SILENT_S: Final = 1.0
 """Shortest interval between checks for silent peers, s."""
 PEER_EXPIRES_S: Final = 30.0
 """Silence after which a peer is no longer sent to and makes room for another, s."""
-PINNED_S: Final = 3.0
-"""Silence after which another peer may take an autopilot's place, s: it restarted with another port, or the route
-changed."""
-INTRUDER_REPORTED_S: Final = 30.0
-"""How long a second peer that claims an autopilot's id is reported after its last frame, s."""
-AUTOPILOT: Final = 1
-"""MAV_COMP_ID_AUTOPILOT1."""
 _AROUND_1: Final = 8
 _AROUND_2: Final = 12
 """Bytes of a frame around its payload: header and checksum."""
@@ -48,7 +42,14 @@ class UdpEndpoint:
 
     is_datagram = True
 
-    def __init__(self, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None]) -> None:
+    def __init__(
+        self,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        *,
+        pins_autopilot: bool = False,
+    ) -> None:
         self.url = url
         self.bytes_sent = 0
         self.bytes_received = 0
@@ -61,11 +62,12 @@ class UdpEndpoint:
         self._read_s = 0.0
         self._addresses: Sequence[SocketAddress] = ()
         """Those that are sent to."""
+        self._pins = AutopilotPins() if pins_autopilot else None
 
     @property
     def intruder(self) -> str:
-        """Empty: peers are not distinguished."""
-        return ""
+        """The recent peer that claims the id of another peer's autopilot; empty without one."""
+        return "" if self._pins is None else self._pins.intruder(self._now_s())
 
     @property
     def local_port(self) -> int | None:
@@ -103,6 +105,15 @@ class UdpEndpoint:
 
     def _receive(self, data: bytes, sender: SocketAddress, now_s: float) -> None:
         raise NotImplementedError
+
+    def _is_intruder(self, data: bytes, sender: SocketAddress, now_s: float) -> bool:
+        """Whether a datagram claims to be from an autopilot that is heard from another peer; counts it then."""
+        if self._pins is None:
+            return False
+        name = f"{sender[0]}:{sender[1]}"
+        is_intruder = any(self._pins.is_intruder(who, sender, name, now_s) for who in senders_in(data))
+        self.dropped += is_intruder
+        return is_intruder
 
     def send(self, data: bytes) -> None:
         """Sends one datagram to each address that it is for."""
@@ -143,14 +154,10 @@ class UdpServerEndpoint(UdpEndpoint):
         *,
         pins_autopilot: bool = False,
     ) -> None:
-        super().__init__(url, loop, on_data)
-        self._pins_autopilot = pins_autopilot
+        super().__init__(url, loop, on_data, pins_autopilot=pins_autopilot)
         self.unknown_refused = 0
         """Datagrams of peers for which there was no room."""
         self._peers: dict[SocketAddress, UdpPeer] = {}
-        self._pinned: dict[int, SocketAddress] = {}
-        """Peer address of each system's autopilot."""
-        self._intruder, self._intruder_s = "", -INTRUDER_REPORTED_S
         self._checked_s = 0.0
         self._parser = Parser(is_datagram=True)
 
@@ -193,11 +200,6 @@ class UdpServerEndpoint(UdpEndpoint):
         since_s = self._now_s() - PEER_EXPIRES_S
         return any(peer.heard_s >= since_s for peer in tuple(self._peers.values()))
 
-    @property
-    def intruder(self) -> str:
-        """The recent peer that claims the id of another peer's autopilot; empty without one."""
-        return self._intruder if self._now_s() < self._intruder_s + INTRUDER_REPORTED_S else ""
-
     def send(self, data: bytes) -> None:
         """Sends one datagram to each peer that it is for."""
         super().send(data)
@@ -220,7 +222,7 @@ class UdpServerEndpoint(UdpEndpoint):
         if peer is None and not self._make_room(sender[0], now_s):
             self.unknown_refused += 1
             return
-        if self._pins_autopilot and self._is_intruder(data, sender, now_s):
+        if self._is_intruder(data, sender, now_s):
             return
         if peer is None:
             peer = self._peers[sender] = UdpPeer()
@@ -234,25 +236,6 @@ class UdpServerEndpoint(UdpEndpoint):
         self.bytes_received += size
         self.origin = sender[0]
         self._on_data(data)
-
-    def _is_intruder(self, data: bytes, sender: SocketAddress, now_s: float) -> bool:
-        """Whether a peer sends as an autopilot of another peer: the first one counts as genuine."""
-        for system, component in senders_in(data):
-            if component != AUTOPILOT or (pinned := self._pinned.setdefault(system, sender)) == sender:
-                continue
-            first = self._peers.get(pinned)
-            if first is None or now_s - first.heard_s >= PINNED_S:
-                self._pinned[system] = sender
-                continue
-            if not self.intruder:  # one that changes its port all the time is told once
-                self._intruder = (
-                    f"{sender[0]}:{sender[1]} claims to be autopilot {system}/{component}, which is heard from {pinned[0]}:"
-                    f"{pinned[1]}: messages of the second one are dropped; give each vehicle an id and a port of its own"
-                )
-            self._intruder_s = now_s
-            self.dropped += 1
-            return True
-        return False
 
     def _make_room(self, host: str, now_s: float) -> bool:
         """Whether there is room for one more peer of a host; of the host that has most, the newest may make it."""
@@ -283,15 +266,24 @@ class UdpClientEndpoint(UdpEndpoint):
         loop: asyncio.AbstractEventLoop,
         on_data: Callable[[bytes], None],
         address: SocketAddress,
+        *,
+        pins_autopilot: bool = False,
     ) -> None:
-        super().__init__(url, loop, on_data)
+        super().__init__(url, loop, on_data, pins_autopilot=pins_autopilot)
         self._addresses = (address,)
 
     @classmethod
     async def open(
-        cls, url: str, loop: asyncio.AbstractEventLoop, on_data: Callable[[bytes], None], host: str, port: int
+        cls,
+        url: str,
+        loop: asyncio.AbstractEventLoop,
+        on_data: Callable[[bytes], None],
+        host: str,
+        port: int,
+        *,
+        pins_autopilot: bool = False,
     ) -> UdpClientEndpoint:
-        """Finds the host's address.
+        """Finds the host's address; `pins_autopilot` is that of `UdpServerEndpoint.open`.
 
         Raises:
             Refused: the host has none.
@@ -300,7 +292,7 @@ class UdpClientEndpoint(UdpEndpoint):
         opened = socket.socket(family, socket.SOCK_DGRAM)
         here, anywhere = ("::1", "::") if family == socket.AF_INET6 else ("127.0.0.1", "0.0.0.0")
         opened.bind((here if is_loopback(address[0]) else anywhere, 0))  # what is for this computer, no other reaches
-        endpoint = cls(url, loop, on_data, address)
+        endpoint = cls(url, loop, on_data, address, pins_autopilot=pins_autopilot)
         endpoint._start(opened)
         return endpoint
 
@@ -310,7 +302,7 @@ class UdpClientEndpoint(UdpEndpoint):
         return self._socket is not None
 
     def _receive(self, data: bytes, sender: SocketAddress, now_s: float) -> None:
-        if sender[0] == self._addresses[0][0]:
+        if sender[0] == self._addresses[0][0] and not self._is_intruder(data, sender, now_s):
             self.bytes_received += len(data)
             self._on_data(data)
 

@@ -10,7 +10,7 @@ from gloc3.log.reader import LoggedMessage, LogReader
 from gloc3.mavlink.flight_modes import mode_words
 from gloc3.messages.command_interface import QUERIES, CiRequest
 from gloc3.messages.envelope import ComponentStatus, Event
-from gloc3.messages.summaries import CiEvent
+from gloc3.messages.summaries import AUTOPILOT_SAYS, CiEvent
 from gloc3.messages.vehicle import AutopilotState
 
 TOPICS: Final = ("ci/event", "components/*/event", "components/*/status", "ci/request", "autopilot", "sim/fault")
@@ -19,6 +19,9 @@ WINDOW_S: Final = 90.0
 LEAST: Final = 1.8
 """What two happenings must have in common, at least."""
 _AT_ONCE_S: Final = 0.02
+SAYS_WITHIN_S: Final = 1.0
+"""An autopilot that changes its mode by itself says why within this time, s, before or after."""
+FAILSAFE: Final = "failsafe"
 _WORD: Final = re.compile(r"[a-z][a-z0-9_.]+")
 _TROUBLE: Final = ("is faulty", "is absent", "working -> faulty", "quiet -> faulty")
 _COMMON: Final = frozenset(
@@ -179,6 +182,8 @@ def _cause(happenings: Sequence[Happening], seen: Happening) -> Happening | None
     """The happening before that has most in common with it, the later the better; None at a root."""
     if seen.topic in ("sim/fault", "ci/request"):
         return None
+    if seen.topic == "autopilot" and (reason := _failsafe_of(happenings, seen)) is not None:
+        return reason
     index = happenings.index(seen)
     wanted = _words(seen)
     best, best_score = None, LEAST
@@ -190,6 +195,18 @@ def _cause(happenings: Sequence[Happening], seen: Happening) -> Happening | None
         if score >= best_score:
             best, best_score = one, score
     return best
+
+
+def _failsafe_of(happenings: Sequence[Happening], mode: Happening) -> Happening | None:
+    """The failsafe for which an autopilot has chosen a mode by itself, in its own words; None where it names none."""
+    reported = [
+        one
+        for one in happenings
+        if abs(one.t_s - mode.t_s) <= SAYS_WITHIN_S
+        and one.text.startswith(AUTOPILOT_SAYS)
+        and FAILSAFE in one.text.lower()
+    ]
+    return min(reported, key=lambda one: abs(one.t_s - mode.t_s), default=None)
 
 
 def _is_ordinary(one: Happening) -> bool:

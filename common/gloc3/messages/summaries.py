@@ -207,6 +207,10 @@ class StationHeard(Message, frozen=True):
     """Of all stations on its link."""
 
 
+AUTOPILOT_SAYS: Final = "the autopilot says: "
+"""Begins an event with what the autopilot has reported in its own words."""
+
+
 class CiEvent(Message, frozen=True):
     """An event of the platform, for its stations."""
 

@@ -19,6 +19,7 @@ from gloc3.mavlink.message import Address
 from gloc3.mavlink.services.heartbeat import AUTOPILOT_INVALID
 from gloc3.mavlink.services.interval import SET_MESSAGE_INTERVAL
 from gloc3.messages.envelope import Severity
+from gloc3.messages.summaries import AUTOPILOT_SAYS
 from gloc3_groundstation.links.vehicle_wire import VehicleWire
 from gloc3_groundstation.services.machines import Wire
 from gloc3_groundstation.services.snapshot import FIRMWARES
@@ -264,7 +265,7 @@ class Vehicles:
         if known is not None and (not known.has_companion or known.is_quiet_link(now_s)):
             for text in texts:
                 severity = Severity(min(text.severity, Severity.DEBUG))
-                fleet = reducers.note(fleet, name, severity, f"the autopilot says: {text.text}", now_s)
+                fleet = reducers.note(fleet, name, severity, f"{AUTOPILOT_SAYS}{text.text}", now_s)
         return fleet
 
     def _name_for(self, key: SenderKey, watch: AutopilotWatch, fleet: Fleet, now_s: float) -> str | None:

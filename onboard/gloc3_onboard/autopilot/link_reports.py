@@ -6,6 +6,7 @@ from typing import Final
 from gloc3.exchange import Publisher
 from gloc3.exchange.base import Exchange
 from gloc3.messages.envelope import Event, Severity
+from gloc3.messages.summaries import AUTOPILOT_SAYS
 from gloc3_onboard.autopilot.telemetry import PREARM_WORDS
 
 SOURCE = "autopilot_link"
@@ -59,4 +60,4 @@ class AlertRelay:
         while len(self._said) > MOST_TEXTS:
             del self._said[next(iter(self._said))]
         if self._said[text] == now_s:
-            self._report(Severity(severity), f"the autopilot says: {text}")
+            self._report(Severity(severity), f"{AUTOPILOT_SAYS}{text}")

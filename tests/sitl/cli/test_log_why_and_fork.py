@@ -46,6 +46,15 @@ def test_a_mode_of_the_autopilot_is_no_cause_of_the_next(run: Path) -> None:
     assert why(run, "landing: initialize")[0].startswith("landing: initialize")
 
 
+def test_what_the_autopilot_does_by_itself_goes_back_to_the_fault_that_it_names(tmp_path: Path) -> None:
+    flown = ("--platform", "copter", "--fault", "battery=0.05@16", "--quiet", "--out", str(tmp_path))
+    assert run_command(["fly", "survey", *flown]) == 1
+    chain = why(tmp_path, "mission aborted")
+    assert chain[0] == "mission: mission aborted: ended by the autopilot's failsafe"
+    assert chain[-2].startswith("autopilot_link: the autopilot says: Failsafe: battery ")
+    assert chain[-1] == "injected: fault battery=0.05@16"
+
+
 def test_a_component_that_fails_goes_back_to_its_own_fault(run: Path) -> None:
     assert why(run, "pose: working -> faulty")[-1] == "injected: fault crash:pose@8..8.4"
 

@@ -9,6 +9,7 @@ This is the one place that may import all three applications. A flight reads lik
 
 import asyncio
 from collections.abc import Callable
+from pathlib import Path
 from random import Random
 from types import TracebackType
 from typing import Any, Final, Self
@@ -38,7 +39,7 @@ from gloc3_onboard.sensors.rig import calibrations
 from gloc3_sitl.faults.sabotage import FaultInjector, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
-from gloc3_sitl.flight.log import FlightRecording
+from gloc3_sitl.flight.log import MISSION_FILE, WORLD_FILE, FlightRecording
 from gloc3_sitl.flight.mission_file import is_without_satellites, place_for
 from gloc3_sitl.flight.onboard_process import FlightProcess
 from gloc3_sitl.flight.plan import FlightPlan
@@ -130,11 +131,17 @@ class Flight:
         metadata |= {"wind": msgspec.json.encode(plan.wind).decode()} if plan.wind != CALM else {}
         beside = {"waves_m": plan.waves_m, "current_m_s": plan.current_m_s}
         metadata |= {name: f"{value:g}" for name, value in beside.items() if value}
+        metadata |= {"world": plan.world} if plan.world else {}
+        metadata |= {"terrain": str(plan.terrain.absolute())} if plan.terrain is not None else {}
+        metadata |= {"parameters": msgspec.json.encode(plan.parameters).decode()} if plan.parameters else {}
+        files = {MISSION_FILE: self.mission.text.encode()}
+        if Path(plan.world).is_file():
+            files[WORLD_FILE] = Path(plan.world).read_bytes()
         description = RunDescription(
             self.platform,
             whole_text(plan.platform),
             calibrations(self.platform, self.rig),
-            {"mission.yaml": self.mission.text.encode()},
+            files,
         )
         return FlightRecording(plan.out, self.context, metadata, description)
 

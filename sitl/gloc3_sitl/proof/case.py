@@ -28,6 +28,8 @@ class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Of the mission where it is no longer the file's: a shortened one."""
     platform_text: str = ""
     """The platform file with its bases, where it is not an installed one and the case is to be replayed elsewhere."""
+    world_text: str = ""
+    """The world's file, likewise."""
 
     def line(self) -> str:
         """The case as one line of JSON: a replay file, and a row of a table of cases."""
@@ -59,7 +61,10 @@ class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
             text = find_file(self.mission).read_text(encoding="utf-8")
         if not platform_text and Path(self.platform).is_file():
             platform_text = whole_text(self.platform)
-        return msgspec.structs.replace(self, text=text, platform_text=platform_text)
+        world_text = self.world_text
+        if not world_text and Path(self.world).is_file():
+            world_text = Path(self.world).read_text(encoding="utf-8")
+        return msgspec.structs.replace(self, text=text, platform_text=platform_text, world_text=world_text)
 
     def platform_file(self, folder: Path) -> str:
         """The platform's name or file; a text is written into a folder first."""
@@ -67,6 +72,14 @@ class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
             return self.platform
         path = folder / "platform.yaml"
         path.write_text(self.platform_text, encoding="utf-8")
+        return str(path)
+
+    def world_file(self, folder: Path) -> str:
+        """The world's name or file, empty for none; a text is written into a folder first."""
+        if not self.world_text:
+            return self.world
+        path = folder / "world.yaml"
+        path.write_text(self.world_text, encoding="utf-8")
         return str(path)
 
     def file(self, folder: Path) -> Path:

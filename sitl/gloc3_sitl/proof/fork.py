@@ -15,6 +15,7 @@ from gloc3.messages.command_interface import CiRequest, Emergency, Steer, Verb
 from gloc3.messages.frames import Vector3
 from gloc3.messages.topics import TopicTable
 from gloc3_sitl.flight.flight import Flight
+from gloc3_sitl.flight.log import MISSION_FILE, WORLD_FILE
 from gloc3_sitl.flight.messages import SimFault, SimTruth
 from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.proof.case import FlightCase
@@ -23,7 +24,6 @@ from gloc3_sitl.proof.standard_invariants import invariants_but
 from gloc3_sitl.proof.trial import Conditions, TrialResult, fly_case
 
 SAME_M: Final = 1e-6
-MISSION_FILE: Final = "mission.yaml"
 
 
 class Changed(msgspec.Struct, frozen=True, kw_only=True):
@@ -117,6 +117,10 @@ def _case(reader: LogReader, out: Path) -> tuple[FlightCase, Conditions]:
     platform = out / "forked-platform.yaml"
     platform.write_bytes(attached[PLATFORM_FILE])
     run = reader.run
+    world = run.get("world", "")
+    if WORLD_FILE in attached:
+        world = str(out / "forked-world.yaml")
+        Path(world).write_bytes(attached[WORLD_FILE])
     case = FlightCase(
         mission="",
         text=attached[MISSION_FILE].decode(),
@@ -125,10 +129,14 @@ def _case(reader: LogReader, out: Path) -> tuple[FlightCase, Conditions]:
         seed=int(run["seed"]),
         waves_m=float(run.get("waves_m", 0.0)),
         current_m_s=float(run.get("current_m_s", 0.0)),
+        world=world,
         faults=(*_faults(reader), *_commands(reader)),
     )
-    wind = msgspec.json.decode(run["wind"], type=Wind) if "wind" in run else CALM
-    return case, Conditions(wind=wind)
+    return case, Conditions(
+        wind=msgspec.json.decode(run["wind"], type=Wind) if "wind" in run else CALM,
+        terrain=Path(run["terrain"]) if "terrain" in run else None,
+        parameters=msgspec.json.decode(run.get("parameters", "{}"), type=dict[str, float]),
+    )
 
 
 def _faults(reader: LogReader) -> list[str]:

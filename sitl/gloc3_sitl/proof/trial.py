@@ -14,6 +14,7 @@ from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.summaries import MissionSummary
 from gloc3.platform.platform import Platform
 from gloc3.platform.reader import load_platform
+from gloc3.terrain import open_terrain
 from gloc3_sitl.faults.fault_text import parse
 from gloc3_sitl.faults.faults import Injection, read_fault
 from gloc3_sitl.flight.flight import DEVICES, Flight
@@ -82,6 +83,10 @@ class Conditions(msgspec.Struct, frozen=True, kw_only=True):
     """What a case does not say of the surroundings."""
 
     wind: Wind
+    terrain: Path | None = None
+    """Folder of terrain tiles that the onboard process has; None for none."""
+    parameters: dict[str, float] = {}
+    """Of the autopilot, that differ from its defaults."""
 
 
 def fly_case(
@@ -107,9 +112,10 @@ def fly_case(
         Gloc3Error: there is no such platform or mission.
     """
     with TemporaryDirectory() as scratch:
-        trial = _Trial(case, Path(scratch), out, all_invariants() if kinds is None else kinds)
+        if conditions is None:
+            conditions = Conditions(wind=gusty(case.wind_m_s, from_deg=270.0) if case.wind_m_s else CALM)
+        trial = _Trial(case, conditions, Path(scratch), out, all_invariants() if kinds is None else kinds)
         trial.is_stopping, trial.prepare = is_stopping, prepare
-        trial.wind = conditions.wind if conditions is not None else trial.wind
         with taken_branches() as taken, asyncio.Runner(loop_factory=VirtualLoop) as runner:
             try:
                 return runner.run(trial.fly(taken))
@@ -125,17 +131,25 @@ class _Trial:
     is_stopping = True
     prepare: Callable[[Flight], None] | None = None
 
-    def __init__(self, case: FlightCase, scratch: Path, out: Path | None, kinds: tuple[type[Invariant], ...]) -> None:
-        self._case, self._out, self._kinds = case, out, kinds
-        self._platform_file = case.platform_file(scratch)
+    def __init__(
+        self,
+        case: FlightCase,
+        conditions: Conditions,
+        scratch: Path,
+        out: Path | None,
+        kinds: tuple[type[Invariant], ...],
+    ) -> None:
+        self._case, self._conditions, self._out, self._kinds = case, conditions, out, kinds
+        self._platform_file, self._world_file = case.platform_file(scratch), case.world_file(scratch)
         self._platform: Platform = load_platform(self._platform_file, is_loading_classes=True, devices=DEVICES)
-        self._mission = read_mission_file(case.file(scratch), self._platform, out or scratch)
+        self._mission = read_mission_file(
+            case.file(scratch), self._platform, out or scratch, open_terrain(conditions.terrain)
+        )
         self._phases: list[tuple[float, str]] = []
         self._started_s = 0.0
         self._not_started = ""
         times = [t_s for fault in map(parse, case.faults) for t_s in (fault.begin_s, fault.end_s) if t_s is not None]
         self._last_fault_s = max((t_s for t_s in times if t_s < inf), default=0.0)
-        self.wind = gusty(case.wind_m_s, from_deg=270.0) if case.wind_m_s else CALM
 
     async def fly(self, taken: set[str]) -> TrialResult:
         """Flies; `taken` fills with the branches of the executor meanwhile."""
@@ -145,11 +159,13 @@ class _Trial:
             platform=self._platform_file,
             autopilot=case.autopilot,
             seed=case.seed,
-            wind=self.wind,
+            wind=self._conditions.wind,
             waves_m=case.waves_m,
             current_m_s=case.current_m_s,
-            world=case.world,
+            world=self._world_file,
             home=mission.home,
+            terrain=self._conditions.terrain,
+            parameters=self._conditions.parameters,
             out=self._out,
         )
         faults = tuple(read_fault(text) for text in case.faults)

@@ -1,5 +1,7 @@
 """`gloc3 log why` and `gloc3 log fork`, on the log of a flight with faults."""
 
+import re
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -87,6 +89,20 @@ def test_a_flight_is_the_recorded_one_until_it_is_changed(run: Path, tmp_path: P
 
 def test_nothing_changed_is_the_same_flight(run: Path, tmp_path: Path) -> None:
     forked = fork(run, Changed(at_s=9.0), tmp_path)
+    assert (forked.apart_s, forked.most_apart_m) == (None, 0.0)
+
+
+def test_it_is_flown_again_in_its_own_world(tmp_path: Path) -> None:
+    world = tmp_path / "turned.yaml"
+    text = (files("gloc3_sitl.world") / "worlds" / "hold.yaml").read_text(encoding="utf-8")
+    turned = re.sub(r"heading_deg: [0-9.]+", "heading_deg: 45", text, count=1)
+    assert turned != text
+    world.write_text(turned, encoding="utf-8")
+    flown = ("--platform", "pelican_rtk", "--world", str(world), "--quiet", "--out", str(tmp_path / "flown"))
+    assert run_command(["fly", "hop", *flown]) == 0
+    world.unlink()
+    (tmp_path / "forked").mkdir()
+    forked = fork(tmp_path / "flown", Changed(at_s=9.0), tmp_path / "forked")
     assert (forked.apart_s, forked.most_apart_m) == (None, 0.0)
 
 

@@ -1,6 +1,7 @@
 """The search: the same flights for the same seed, in any order, and after an interruption; the shrinking of what it finds."""
 
 from collections.abc import Iterator, Sequence
+from importlib.resources import files
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -372,13 +373,14 @@ def test_a_case_is_one_line_and_one_command() -> None:
     assert case.command() == "gloc3 fly hop --platform pelican_rtk --seed 3 --wind 2.5 --fault crash:pose@3"
 
 
-def test_a_replay_file_holds_the_mission_and_the_platform_that_it_was_found_with(tmp_path: Path) -> None:
-    mission, platform = tmp_path / "m.yaml", tmp_path / "p.yaml"
+def test_a_replay_file_holds_the_mission_the_platform_and_the_world_that_it_was_found_with(tmp_path: Path) -> None:
+    mission, platform, world = (tmp_path / name for name in ("m.yaml", "p.yaml", "w.yaml"))
     mission.write_text(find_mission("hop").read_text(encoding="utf-8"), encoding="utf-8")
     platform.write_text(whole_text("pelican_rtk"), encoding="utf-8")
-    case = FlightCase(mission=str(mission), platform=str(platform)).contained()
-    mission.unlink()
-    platform.unlink()
+    world.write_bytes((files("gloc3_sitl.world") / "worlds" / "hold.yaml").read_bytes())
+    case = FlightCase(mission=str(mission), platform=str(platform), world=str(world)).contained()
+    for file in (mission, platform, world):
+        file.unlink()
     (tmp_path / "replay.json").write_text(case.line(), encoding="utf-8")
     again = read_case(tmp_path / "replay.json")
     assert again == case

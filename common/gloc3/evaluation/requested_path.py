@@ -24,6 +24,8 @@ class RequestedFlight(msgspec.Struct):
     end_s: float | None = None
     acceptance_m: float = 0.0
     """So near to a waypoint counts as passed, where the action says it."""
+    is_height_kept: bool = False
+    """It keeps a distance to the ground below, whatever heights its waypoints have."""
     is_continued: bool = False
     """It goes on where an earlier attempt had come to."""
 
@@ -70,6 +72,7 @@ class RequestedPath:
                 [self._position_ned_m, *points],
                 float(order.get("speed_m_s", 0.0)),
                 acceptance_m=float(order.get("acceptance_m") or 0.0),
+                is_height_kept=order.get("altitude_m") is not None,
                 is_continued=bool(request.arguments.get("progress")),
             )
         )

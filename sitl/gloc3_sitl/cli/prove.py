@@ -170,7 +170,10 @@ def _base(mission: str, options: ProveOptions) -> "FlightCase":
     """The flight without faults."""
     from gloc3_sitl.flight.mission_file import find_file, platform_for
     from gloc3_sitl.proof.case import FlightCase
+    from gloc3_sitl.world import World
 
+    if options.world:
+        World.load(options.world)
     return FlightCase(
         mission=mission,
         platform=options.platform or platform_for(find_file(mission)),

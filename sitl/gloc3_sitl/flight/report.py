@@ -62,7 +62,7 @@ def judge_within(
 ) -> None:
     """Fills in the figures of the path, as near and in as many dimensions as the platform's limits have it."""
     if limits.survey_height_m == 0.0:  # it stays on the ground or on the water, and is lifted by that
-        samples = [TruthSample(one.t_s, (one.position_ned_m[0], one.position_ned_m[1], 0.0)) for one in samples]
+        samples = _level(samples)
     judge(report, samples, requested, max(PASSED_M, limits.survey_acceptance_m))
 
 
@@ -76,7 +76,10 @@ def judge(
         end_s = math.inf if flight.end_s is None else flight.end_s
         flown = [sample for sample in samples if flight.start_s <= sample.t_s <= end_s]
         if flown:
-            polyline = [flown[0].position_ned_m, *flight.polyline_ned_m[1:]]
+            points = flight.polyline_ned_m[1:]
+            if flight.is_height_kept:
+                flown, points = _level(flown), [(north, east, 0.0) for north, east, _ in points]
+            polyline = [flown[0].position_ned_m, *points]
             results.append(path_error(flown, polyline, near_m))
     count = sum(result.samples for result in results)
     if count:
@@ -93,6 +96,11 @@ def judge(
         report.slowest_leg_share = round(min(shares), 4) if shares else None
     report.distance_m = round(_distance_m(samples), 2)
     return results
+
+
+def _level(samples: Sequence[TruthSample]) -> list[TruthSample]:
+    """The samples without their heights."""
+    return [TruthSample(one.t_s, (one.position_ned_m[0], one.position_ned_m[1], 0.0)) for one in samples]
 
 
 def _long(legs: Sequence[LegResult]) -> list[LegResult]:

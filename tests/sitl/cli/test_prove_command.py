@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from gloc3.cli.program import run
-from gloc3.errors import Refused
+from gloc3.errors import InputError, Refused
 from gloc3_sitl.cli.prove import ProveOptions, as_lines, prove
 from gloc3_sitl.cli.prove_table import render
 from gloc3_sitl.proof.campaign import SearchProgress
@@ -76,6 +76,11 @@ def test_wrong_use_is_refused(options: ProveOptions, says: str) -> None:
 def test_options_that_make_no_sense_are_refused(options: ProveOptions, says: str) -> None:
     with pytest.raises(Refused, match=says):
         prove("hop", options)
+
+
+def test_a_world_that_does_not_exist_is_wrong_use() -> None:
+    with pytest.raises(InputError, match="no world named 'nope'"):
+        prove("hop", ProveOptions(static=True, world="nope"))
 
 
 def test_a_finding_is_told_with_its_commands_and_its_cause() -> None:

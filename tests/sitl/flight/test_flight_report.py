@@ -53,6 +53,14 @@ def test_only_what_was_flown_while_the_action_ran_is_judged() -> None:
     assert report.path_max_error_m < 0.01
 
 
+def test_the_heights_of_waypoints_do_not_count_where_a_distance_to_the_ground_is_kept() -> None:
+    report, hill = blank(), [(n, e, d - 0.3 * n) for n, e, d in WAY]
+    way = msgspec.structs.replace(requested(0.0, None), is_height_kept=True)
+    judge(report, fly(hill, 0.0), [way])
+    assert report.path_max_error_m == pytest.approx(0.0, abs=1e-6)
+    assert report.waypoints_passed == 2
+
+
 def test_an_action_that_never_ended_is_judged_by_what_was_flown_of_it() -> None:
     report = blank()
     judge(report, fly(WAY[:2], 0.0), [requested(0.0, None)])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from typing import Final, Generic, TypeVar
 
+from gloc3.component.error_handler import describe
 from gloc3.errors import Gloc3Error
 from gloc3_onboard.sensors.devices import Bell, Unwatch
 
@@ -41,7 +42,8 @@ class ThreadedSource(ABC, Generic[T]):
     def connect(self) -> AbstractContextManager[Iterator[T | None]]:
         """Opens the device; yields its data, and None after a while without any. May block.
 
-        The iterator's end, a `Gloc3Error` or an `OSError` from it means a loss. The device is closed on exit.
+        The iterator's end or an error from it means a loss, whatever the device's library raises. The device is closed on
+        exit.
 
         Raises:
             Gloc3Error: it cannot be opened; the message says what to do.
@@ -104,8 +106,10 @@ class ThreadedSource(ABC, Generic[T]):
                             self._latest, lost_s = item, None
                             self._bell.ring()
                 problem = f"{self.name}: the device stopped delivering data"
-            except (Gloc3Error, OSError) as error:
-                problem = str(error) if isinstance(error, Gloc3Error) else f"{self.name}: {error}"
+            except Exception as error:  # noqa: BLE001
+                is_told = isinstance(error, (Gloc3Error, OSError))
+                text = str(error) if is_told else describe(error)
+                problem = text if isinstance(error, Gloc3Error) else f"{self.name}: {text}"
             if not tried.is_set():
                 self._is_disconnected = problem
                 tried.set()

@@ -100,10 +100,12 @@ class Hokuyo:
 
 
 @contextmanager
-def hokuyo_on_a_terminal(*, is_mute: bool = False) -> Iterator[str]:
+def hokuyo_on_a_terminal(*, is_mute: bool = False, is_slow: bool = False) -> Iterator[str]:
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
     os.set_blocking(ours, False)
+
+    closed = threading.Event()
 
     def read() -> bytes:
         try:
@@ -112,12 +114,22 @@ def hokuyo_on_a_terminal(*, is_mute: bool = False) -> Iterator[str]:
             time.sleep(0.005)
             return b""
 
-    scanner = Hokuyo(read, lambda data: os.write(ours, data))
+    def write(data: bytes) -> None:
+        for piece in [bytes((byte,)) for byte in data] if is_slow else [data]:
+            if closed.is_set():
+                raise OSError("the scanner is switched off")
+            os.write(ours, piece)
+            time.sleep(1e-3 if is_slow else 0.0)
+
+    scanner = Hokuyo(read, write)
     scanner.is_mute = is_mute
-    threading.Thread(target=scanner.run, daemon=True).start()
+    running = threading.Thread(target=scanner.run, daemon=True)
+    running.start()
     try:
         yield os.ttyname(theirs)
     finally:
+        closed.set()
+        running.join(0.2)  # it may wait for its line, whose end it sees then
         os.close(theirs)
         os.close(ours)
 
@@ -156,6 +168,14 @@ def test_a_hokuyo_on_a_serial_line_is_read_and_a_damaged_turn_left_out() -> None
 
 
 @pytest.mark.sockets
+def test_an_answer_in_many_pieces_is_read() -> None:
+    with hokuyo_on_a_terminal(is_slow=True) as path:
+        device = HokuyoLaser("laser", parse_source("laser", f"hokuyo://{path}"), time.monotonic)
+        device.open()
+        device.close()
+
+
+@pytest.mark.sockets
 def test_a_hokuyo_over_tcp_is_read() -> None:
     server = socket.create_server(("127.0.0.1", 0))
 
@@ -183,6 +203,7 @@ def test_what_does_not_answer_as_a_scanner_is_refused(monkeypatch: pytest.Monkey
     from gloc3_onboard.sensors.sources import hokuyo
 
     monkeypatch.setattr(hokuyo, "WAIT_S", 0.02)
+    monkeypatch.setattr(hokuyo, "ANSWER_S", 0.1)
     with hokuyo_on_a_terminal(is_mute=True) as path:
         device = HokuyoLaser("laser", parse_source("laser", f"hokuyo://{path}"), time.monotonic)
         with pytest.raises(Gloc3Error, match="does not answer as a Hokuyo"):

@@ -181,6 +181,20 @@ def test_ages_that_cannot_be_are_refused(ages_s: bytes, why: str) -> None:
 
 
 @pytest.mark.sockets
+def test_a_scanner_that_does_not_turn_can_be_closed() -> None:
+    port = free_port()
+    device = made(f"velodyne://127.0.0.1:{port}")
+    device.open()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        device.close()
+        end_s = time.monotonic() + WITHIN_S
+        while device.is_reading:
+            sender.sendto(room(90.0, 0), ("127.0.0.1", port))
+            time.sleep(0.01)
+            assert time.monotonic() < end_s
+
+
+@pytest.mark.sockets
 def test_another_sender_is_named() -> None:
     port = free_port()
     device = made(f"velodyne://127.0.0.1:{port}")

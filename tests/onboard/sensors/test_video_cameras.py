@@ -175,6 +175,7 @@ class Flaky(ThreadedSource[int]):
         super().__init__("flaky", time.monotonic)
         self.is_there = True
         self.opened = self.closed = self.value = 0
+        self.end: Exception = OSError("it was torn out")
 
     @contextmanager
     def connect(self) -> Iterator[Iterator[int | None]]:
@@ -191,7 +192,7 @@ class Flaky(ThreadedSource[int]):
             time.sleep(0.002)
             self.value += 1
             yield self.value
-        raise OSError("it was torn out")
+        raise self.end
 
 
 @pytest.mark.sockets
@@ -224,6 +225,20 @@ def test_a_lost_device_is_opened_anew_by_itself_and_given_up_after_a_while(monke
     until(lambda: device.latest() is not None)
     device.close()
     until(lambda: device.closed == device.opened)
+
+
+@pytest.mark.sockets
+def test_any_error_of_a_devices_library_is_a_loss_that_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threaded, "AGAIN_S", 0.02)
+    monkeypatch.setattr(threaded, "GIVE_UP_S", 0.0)
+    device = Flaky()
+    device.end = RuntimeError("Frame didn't arrive within 5000")
+    device.open()
+    until(lambda: (device.latest() or 0) > 3)
+    device.is_there = False
+    until(lambda: not device.is_reading)
+    with pytest.raises(Gloc3Error, match=r"flaky: RuntimeError: Frame didn't arrive within 5000"):
+        device.latest()
 
 
 # --- pairs ---
@@ -261,6 +276,9 @@ def test_frames_of_two_cameras_are_paired_by_their_times() -> None:
     assert shown[1][2].data == picture(5).data
     pair.close()
     assert not left.is_open
+    left.now_frame = right.now_frame = None
+    pair.open()
+    assert pair.pair() is None, "what was taken before is old"
 
 
 @pytest.mark.parametrize("is_virtual", [True, False])

@@ -39,6 +39,7 @@ class PairedCameras:
         self._lefts: deque[StampedImage] = deque(maxlen=KEPT)
         self._rights: deque[StampedImage] = deque(maxlen=KEPT)
         self._latest: StampedPair | None = None
+        self._lock = threading.Lock()
 
     def open(self) -> None:
         """Opens both, at the same time: each may take nearly as long as a start may.
@@ -46,8 +47,10 @@ class PairedCameras:
         Raises:
             Gloc3Error: one of them cannot be had.
         """
-        self._lefts.clear()
-        self._rights.clear()
+        with self._lock:
+            self._lefts.clear()
+            self._rights.clear()
+            self._latest = None
         errors: list[BaseException | None] = [None, None]
 
         def open_left() -> None:
@@ -84,7 +87,11 @@ class PairedCameras:
         return both
 
     def pair(self) -> StampedPair | None:
-        """The latest two frames that belong together; None before the first."""
+        """The latest two frames that belong together; None before the first. Any thread may ask."""
+        with self._lock:
+            return self._paired()
+
+    def _paired(self) -> StampedPair | None:
         for camera, kept in ((self._left, self._lefts), (self._right, self._rights)):
             frame = camera.frame()
             if frame is not None and (not kept or frame.t_s != kept[-1].t_s):

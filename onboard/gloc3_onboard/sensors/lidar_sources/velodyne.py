@@ -217,7 +217,8 @@ class VelodyneLidar(ThreadedSource[StampedCloud]):
             packet = packet._replace(stamp_us=lap_us + packet.stamp_us)
             t_s = clock.t_s(packet.stamp_us * 1e-3, self.now_s())
             turn = turns.add(packet)
-            if turn is None:
+            if turn is None:  # the reader looks whether it is to go on, also where the scanner does not turn
+                yield None
                 continue
             cloud = PointCloud(
                 sensor=self.name,

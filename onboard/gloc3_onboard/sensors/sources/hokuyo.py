@@ -1,6 +1,7 @@
 """Hokuyo's range scanners, over a serial line or TCP."""
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
@@ -33,8 +34,8 @@ from gloc3_onboard.sensors.threaded import ThreadedSource
 BAUD: Final = 115_200
 """Of serial lines; those by USB take any."""
 WAIT_S: Final = 0.5
-ANSWER_TRIES: Final = 6
-"""Reads without data after which the scanner counts as silent."""
+ANSWER_S: Final = 3.0
+"""Time for its answer, in however many pieces, s."""
 
 
 class HokuyoLaser(ThreadedSource[StampedScan]):
@@ -77,7 +78,8 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
         """Stops any activity of the scanner and reads its identity."""
         line.write(STOP)
         line.write(IDENTIFY)
-        for _ in range(ANSWER_TRIES):
+        until_s = time.monotonic() + ANSWER_S
+        while time.monotonic() < until_s:
             for reply in reader.receive(line.read()):
                 if reply[0] == b"PP" and len(reply) > 2:
                     return parameters_of(reply)

@@ -56,6 +56,8 @@ def recover(source: Path, target: Path, progress: Callable[[float], None] | None
                 writer.add_metadata(RECOVERED, {"lost": "\n".join(losses)})
                 writer.finish()
         except OSError as error:
+            if not isinstance(error, FileExistsError):
+                target.unlink(missing_ok=True)  # half a log would stand in the way of the next attempt
             raise InputError([Finding(file=str(target), message=f"cannot be written: {error.strerror}")]) from error
     return Recovery(count, losses)
 

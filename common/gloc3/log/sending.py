@@ -1,5 +1,6 @@
 """Sends the logs of a folder elsewhere, each once, by a command of the user's choice."""
 
+import os
 import shlex
 import subprocess
 from collections.abc import Callable
@@ -97,7 +98,9 @@ def _send(words: list[str], path: Path) -> str:
     """Runs the command for a file; the reason where it fails, empty otherwise."""
     command = [word.replace(FILE, str(path)) for word in words]
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False
+        )
     except OSError as error:
         return f"{words[0]}: {error.strerror or error}"
     if done.returncode == 0:
@@ -108,7 +111,7 @@ def _send(words: list[str], path: Path) -> str:
 
 def _read_sent(folder: Path) -> dict[str, int]:
     try:
-        lines = (folder / SENT).read_text().splitlines()
+        lines = os.fsdecode((folder / SENT).read_bytes()).splitlines()
     except FileNotFoundError:
         return {}
     except OSError as error:
@@ -120,6 +123,6 @@ def _read_sent(folder: Path) -> dict[str, int]:
 def _write_sent(folder: Path, known: dict[str, int]) -> None:
     text = "".join(f"{name}\t{size}\n" for name, size in known.items())
     try:
-        replace_file(folder / SENT, text.encode())
+        replace_file(folder / SENT, os.fsencode(text))
     except OSError as error:
         raise Refused(f"{folder / SENT} cannot be written: {error.strerror or error}") from error

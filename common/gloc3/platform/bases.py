@@ -97,13 +97,12 @@ def _base_file(document: Document, where: YamlNode) -> Path:
 
 
 def _move_files(base: Document, file: Path) -> None:
-    """Makes the base's calibration files and its map, which are relative to it, relative to the file that extends it."""
-    folder, cameras = relpath(Path(base.file).parent, file.parent), base.root.children.get("cameras")
+    """Makes the base's calibration files, keys and map, which are relative to it, relative to the file that extends it."""
+    folder = relpath(Path(base.file).parent, file.parent)
     if folder == ".":
         return
-    places = [(base.root, "known_map")] + (
-        [(cameras, name) for name in cameras.children] if cameras is not None else []
-    )
+    rows = [base.root.children[name] for name in ("cameras", "members") if name in base.root.children]
+    places = [(base.root, "known_map"), *((row, name) for row in rows for name in row.children)]
     for holder, name in places:
         node = holder.children.get(name)
         if node is not None and isinstance(node.value, str) and node.value and not Path(node.value).is_absolute():

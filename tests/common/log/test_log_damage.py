@@ -1,5 +1,6 @@
 """Damaged logs: whatever happens to a file, what lies before the damage is read, and what is missing is said."""
 
+import resource
 from pathlib import Path
 from typing import Any
 
@@ -176,6 +177,25 @@ def test_recovery_makes_a_finished_log_of_what_is_there(file: Path, tmp_path: Pa
         assert recovered.run == damaged.run
         assert report.messages == sum(len(messages) for _, messages in damaged.chunks())
         assert recovered.metadata("recovered") == {"lost": "\n".join(report.losses)}
+
+
+def test_a_recovery_for_which_the_disk_has_no_room_leaves_nothing_that_the_next_one_would_meet(
+    file: Path, tmp_path: Path
+) -> None:
+    file.write_bytes(KILLED)
+    out = tmp_path / "recovered.mcap"
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        with pytest.raises(InputError, match="cannot be written: File too large"):
+            recover(file, out)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not out.exists()
+    recover(file, out)
+    with pytest.raises(InputError, match="File exists"):
+        recover(file, out)
+    assert out.exists()
 
 
 @pytest.mark.parametrize("is_cut", [False, True])

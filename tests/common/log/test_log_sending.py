@@ -72,6 +72,16 @@ def test_what_fails_is_told_and_tried_again(folder: Path, capsys: pytest.Capture
     assert told[0] == "log.mcap was not sent: no-such-program: No such file or directory"
 
 
+def test_names_and_texts_in_another_encoding_do_not_end_the_sending(folder: Path) -> None:
+    sent = folder / "sent.txt"
+    sent.write_bytes(b"f\xfchrung.mcap\t9\n")
+    told = list[str]()
+    assert send_logs(folder, "sh -c 'printf \"gr\\374n\" >&2; exit 3' {}", told.append).sent == ()
+    assert told[0] == "log.mcap was not sent: sh ended with 3: gr\ufffdn"
+    assert send_logs(folder, f"cp -t {folder.parent}/there", told.append)[0] == ("log.mcap", "log.tlog")
+    assert sent.read_bytes().startswith(b"f\xfchrung.mcap\t9\n")
+
+
 @pytest.mark.parametrize(
     ("command", "message"), [("", "the command is empty"), ("cp 'a", "is no command: No closing quotation")]
 )

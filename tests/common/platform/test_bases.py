@@ -137,12 +137,15 @@ def test_a_name_that_is_given_twice_is_found_twice(tmp_path: Path) -> None:
         check_platform(read_document(file.read_text(), str(file)))
 
 
-def test_calibrations_of_a_base_stay_beside_it(tmp_path: Path) -> None:
+def test_calibrations_and_keys_of_a_base_stay_beside_it(tmp_path: Path) -> None:
     (tmp_path / "bases").mkdir()
-    (tmp_path / "bases" / "eyes.yaml").write_text("cameras: {front: front.yaml#cam0, left: /etc/left.yaml}\n")
+    (tmp_path / "bases" / "eyes.yaml").write_text(
+        "cameras: {front: front.yaml#cam0, left: /etc/left.yaml}\nmembers: {anna: anna.key}\n"
+    )
     file = tmp_path / "heron.yaml"
     file.write_text(OWN.replace("base.yaml", "bases/eyes.yaml"))
     assert load_platform(str(file)).cameras == {"front": "bases/front.yaml#cam0", "left": "/etc/left.yaml"}
+    assert load_platform(str(file)).members == {"anna": "bases/anna.key"}
 
 
 @pytest.mark.parametrize("name", sorted(platform_files()))

@@ -41,6 +41,8 @@ _TOGETHER_S: Final = 1.0
 """Sources that begin to fail within that have not each failed by themselves."""
 _LONE: Final = 2.0
 """An odometer that is left alone may be wrong by so many times the error of scale with which it would still agree with others."""
+_SEEN_M2: Final = 0.05**2
+"""Along an axis that a source of positions knows better, it shows the error of an odometer's scale."""
 _LASTING, _LASTING_M = 0.8, 0.05
 """A separation of the sources that lasts for that share of their window, and is greater, is not over when the window is."""
 _SUDDEN_S, _SUDDEN_M = 1.0, 0.25
@@ -210,8 +212,8 @@ class SourceVoting:
         """Mean smoothed innovation of the sources that are used where it is more than sound, as a factor; else 1."""
         # Sources that contradict what they have made together: its variance times their chi-square (Birge 1932).
         trusts = [self.trust[name] for name in (*self.isolation.records, HEIGHT) if name in self.trust]
-        innovations = [trust.innovation for trust in trusts if trust.is_used]
-        return max(sum(innovations) / max(len(innovations), 1) / SOUND, 1.0)
+        used = [trust.innovation for trust in trusts if trust.is_used]
+        return max(sum(used) / max(len(used), 1) / SOUND, 1.0)
 
     def _acquit(self) -> None:
         """Uses again all that were voted out on the word of the inertial unit, which is wrong itself."""
@@ -318,7 +320,7 @@ class SourceVoting:
         if places:
             known_m2 = np.min([records[name].covariance.diagonal() for name in places], axis=0)
             reported_m2 = np.minimum(np.square(estimate.scale_m) + np.square(more_m), known_m2)
-            north, east, down = np.sqrt(reported_m2).tolist()
+            north, east, down = np.sqrt(np.where(known_m2 < _SEEN_M2, 0.0, reported_m2)).tolist()
             estimate.scale_m = (north, east, down)
         else:
             estimate.inflate_position(more_m)

@@ -1,7 +1,6 @@
 """Hokuyo's range scanners, over a serial line or TCP."""
 
 import math
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
@@ -78,8 +77,8 @@ class HokuyoLaser(ThreadedSource[StampedScan]):
         """Stops any activity of the scanner and reads its identity."""
         line.write(STOP)
         line.write(IDENTIFY)
-        until_s = time.monotonic() + ANSWER_S
-        while time.monotonic() < until_s:
+        until_s = self.now_s() + ANSWER_S
+        while self.now_s() < until_s:
             for reply in reader.receive(line.read()):
                 if reply[0] == b"PP" and len(reply) > 2:
                     return parameters_of(reply)

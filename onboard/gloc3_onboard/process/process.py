@@ -121,6 +121,9 @@ async def run(options: ProcessOptions) -> int:
 class OnboardProcess:
     """The main process of the clock host: a vehicle's side with real links, sensors, files and other processes."""
 
+    _is_exhausted = False
+    """Whether memory was used up before all was open: no component can be stopped in order."""
+
     def __init__(
         self,
         options: ProcessOptions,
@@ -140,8 +143,6 @@ class OnboardProcess:
         self._endpoints: list[Endpoint] = []
         place = ProcessPlace(choose_host(platform, options.host))
         self._memory = MemoryReserve()
-        self._is_exhausted = False
-        """Whether memory was used up before all was open: no component can be stopped in order."""
         loop.set_exception_handler(self._handle_failure)
         context = HostContext(
             platform.platform, self.exchange, Clock(loop), loop, shared.topics, self._random, memory=self._memory

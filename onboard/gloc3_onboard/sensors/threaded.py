@@ -107,8 +107,8 @@ class ThreadedSource(ABC, Generic[T]):
                             self._bell.ring()
                 problem = f"{self.name}: the device stopped delivering data"
             except Exception as error:  # noqa: BLE001
-                is_told = isinstance(error, (Gloc3Error, OSError))
-                text = str(error) if is_told else describe(error)
+                is_plain = isinstance(error, (Gloc3Error, OSError))
+                text = str(error) if is_plain else describe(error)
                 problem = text if isinstance(error, Gloc3Error) else f"{self.name}: {text}"
             if not tried.is_set():
                 self._is_disconnected = problem

@@ -39,10 +39,10 @@ from gloc3_onboard.sensors.rig import calibrations
 from gloc3_sitl.faults.sabotage import FaultInjector, TappedExchange
 from gloc3_sitl.firmware.body import BodySettings
 from gloc3_sitl.firmware.in_step import READY_WITHIN_S, FirmwareInStep
-from gloc3_sitl.flight.log import MISSION_FILE, WORLD_FILE, FlightRecording
+from gloc3_sitl.flight.log import FlightRecording
 from gloc3_sitl.flight.mission_file import is_without_satellites, place_for
 from gloc3_sitl.flight.onboard_process import FlightProcess
-from gloc3_sitl.flight.plan import FlightPlan
+from gloc3_sitl.flight.plan import MISSION_FILE, WORLD_FILE, FlightPlan
 from gloc3_sitl.flight.sim_rig import PROBE, SIM_DEVICES, SimRig
 from gloc3_sitl.flight.truth import FlightTruth
 from gloc3_sitl.physics.water import rough

@@ -14,8 +14,6 @@ from gloc3.messages.frames import Vector3
 from gloc3_onboard.command_server.log_shelf import LogStore, LogStoreBase, NoLogStore
 from gloc3_onboard.process.log_files import LogFiles
 
-MISSION_FILE, WORLD_FILE = "mission.yaml", "world.yaml"
-"""Files in the log of a flight, beside the platform's: the second where the world is none of the package."""
 FLUSH_S: Final = 1.0
 """How long a message stays in memory: in virtual time a second is over in some milliseconds."""
 

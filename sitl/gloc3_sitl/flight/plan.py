@@ -11,6 +11,8 @@ from gloc3_sitl.faults.sabotage import CycleCost
 from gloc3_sitl.physics.wind import CALM, Wind
 
 STATION_RADIO: Final = Conditions(latency_s=0.03)
+MISSION_FILE, WORLD_FILE = "mission.yaml", "world.yaml"
+"""Files in the log of a flight, beside the platform's: the second where the world is none of the package."""
 
 
 class FlightPlan(msgspec.Struct, kw_only=True, frozen=True):

@@ -15,8 +15,8 @@ from gloc3.messages.command_interface import CiRequest, Emergency, Steer, Verb
 from gloc3.messages.frames import Vector3
 from gloc3.messages.topics import TopicTable
 from gloc3_sitl.flight.flight import Flight
-from gloc3_sitl.flight.log import MISSION_FILE, WORLD_FILE
 from gloc3_sitl.flight.messages import SimFault, SimTruth
+from gloc3_sitl.flight.plan import MISSION_FILE, WORLD_FILE
 from gloc3_sitl.physics.wind import CALM, Wind
 from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.invariant import BrokenInvariant

@@ -93,9 +93,8 @@ class PoseEstimate:
             settings.gyroscope_walk,
             settings.accelerometer_walk,
         )
-        self._predicted_s = 0.0
+        self._predicted_s = self._distance_m = 0.0
         self._force_s: Vector3 = (0.0, 0.0, 0.0)
-        self._distance_m = 0.0
         self.sound_s = float("-inf")
         """What is believed of the time before is no good: nothing can be counted from there."""
         self._is_blind = False

@@ -81,12 +81,8 @@ class SourceVoting:
         """By how much heights that fail the gate, one after the other, have moved away since the first of them."""
         self.is_standing = False
         """The body has not moved since it was aligned."""
-        self._estimate, self._odometers, self._settings, self._distrust_imu = (
-            estimate,
-            odometers,
-            settings,
-            distrust_imu,
-        )
+        self._estimate, self._odometers, self._settings = estimate, odometers, settings
+        self._distrust_imu = distrust_imu
         self._unconfirmed: set[str] = set()
         """Sources that were voted out by one other and the inertial unit."""
         self._kept_out: set[str] = set()
@@ -292,12 +288,8 @@ class SourceVoting:
 
     def doubt_gap(self, source: str) -> None:
         """Doubts the position by what an odometer that comes back has reported else while nothing held the position."""
-        record = self.isolation.records.get(source)
-        if (
-            record is not None
-            and self._estimate.t_s - self.held_s > VOTE_S
-            and record.is_about(self.held_s, self._estimate.t_s)
-        ):
+        record, now_s = self.isolation.records.get(source), self._estimate.t_s
+        if record is not None and now_s - self.held_s > VOTE_S and record.is_about(self.held_s, now_s):
             north, east, down = record.over(self.held_s)[0]
             self._estimate.inflate_position((north, east, down))
 
@@ -337,8 +329,8 @@ class SourceVoting:
         """Follows an undecided conflict: the pose may drift as fast as the two sources diverge, and stays off.
 
         Meanwhile the possible error is only reported: given to the filter, all of it would be attributed to a source of
-        positions, even if that is the wrong one. The filter gets it if both are still used at the end; if one is not,
-        it is cleared when all are used again. One so long that the pose was not valid leaves its error with the reference,
+        positions, even if that is the wrong one. The filter gets it if both are still used at the end, or two others have voted out
+        the one that is not; else it is cleared when all are used again. One so long that the pose was not valid leaves its error with the reference,
         whoever agrees with whom afterwards.
         """
         estimate = self._estimate
@@ -355,13 +347,19 @@ class SourceVoting:
         elif now_s - self._contradicted_s > self._settings.window_s:
             if self._contradicted and self._contradicted_s - self.conflict_s > self._settings.dispute_s:
                 estimate.doubt_reference(np.zeros(3), estimate.disputed_m)
-            if self._contradicted and all(self.trust[name].is_used for name in self._contradicted):
+            if self._contradicted and all(
+                self.trust[name].is_used or self._is_outvoted(name) for name in self._contradicted
+            ):
                 estimate.inflate_position(estimate.disputed_m)
                 estimate.disputed_m = (0.0, 0.0, 0.0)
             self._contradicted = ()
             if all(self.trust[name].is_used for name in self.isolation.records):
                 estimate.disputed_m = (0.0, 0.0, 0.0)
         self.conflict = conflict
+
+    def _is_outvoted(self, source: str) -> bool:
+        """Whether it was voted out, by more than one other, and two at least hold the position."""
+        return self.trust[source].is_voted_out and source not in self._unconfirmed and len(self.witnesses) > 1
 
     def _vote_out(self, verdict: IsolationResult) -> None:
         """Applies a verdict: inflates what the culprit has moved, and readmits the sources that it made look bad."""

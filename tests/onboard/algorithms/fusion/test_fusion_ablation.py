@@ -415,6 +415,37 @@ def test_two_that_contradict_each_other_do_not_end_a_pose_that_a_tracker_holds(r
     assert flown.poses[-1].quality == pytest.approx(0.0 if reason else 0.5, abs=0.01)
 
 
+@pytest.mark.parametrize("is_by_two", [True, False])
+def test_a_dispute_that_two_others_have_decided_ends_once_nothing_has_contradicted_them_for_a_window(
+    *, is_by_two: bool
+) -> None:
+    """The loser need not agree again: that takes a way, and a pose in doubt lets the vehicle go none."""
+
+    class Doubting(PoseFusion):
+        is_decided = False
+
+        def tick(self, now_s: float) -> None:
+            super().tick(now_s)
+            if now_s > 12.0 and not self.is_decided:
+                self.is_decided, voting = True, self._voting
+                voting._contradicted, voting._contradicted_s = ("ground", "stereo"), now_s
+                voting.conflict_s = now_s
+                self.estimate.disputed_m = (0.3, 0.0, 0.0)
+                voting.trust["stereo"].turn_down("voted out", is_voted_out=True)
+                if not is_by_two:
+                    voting._unconfirmed.add("stereo")
+            if self.is_decided:
+                self._voting.trust["stereo"].is_voted_out = True
+
+    flown = fly(
+        inspection(), faulty("hummingbird", {"stereo": "scale"}), until_s=20.0, fusion=Doubting(Recorder.SETTINGS)
+    )
+    last = next(pose for pose, t_s in zip(flown.poses, flown.t_s, strict=True) if t_s > 17.5)
+    assert max(last.position_std_m) > 0.3
+    assert "stereo" not in flown.poses[-1].sources
+    assert (max(flown.poses[-1].position_std_m) < 0.1) == is_by_two
+
+
 @pytest.mark.parametrize(("innovation", "factor"), [(1.0, 1.0), (6.0, 2.0)])
 def test_a_pose_that_its_own_sources_contradict_is_as_uncertain_as_they_say(innovation: float, factor: float) -> None:
     """A mean of 1.5 would still be sound."""

@@ -39,6 +39,7 @@ class HostAgent:
         report: called with each line of output.
         clock: returns the state of the platform's time.
         sensors: returns the conditions of the main process's sensors.
+        log_problem: returns why the main process's log is not written any more; empty while it is.
         vehicle_boot_s: returns the platform's time of the autopilot's boot.
     """
 
@@ -52,10 +53,16 @@ class HostAgent:
         *,
         clock: Callable[[], ClockState] = ClockState,
         sensors: Callable[[], list[SensorCondition]] = list,
+        log_problem: Callable[[], str] = str,
         vehicle_boot_s: Callable[[], float | None] = lambda: None,
     ) -> None:
         self._platform, self._host, self._context = platform, host, context
-        self._clock, self._sensors, self._vehicle_boot_s = clock, sensors, vehicle_boot_s
+        self._clock, self._sensors, self._log_problem, self._vehicle_boot_s = (
+            clock,
+            sensors,
+            log_problem,
+            vehicle_boot_s,
+        )
         self._topic = f"{platform.platform}/{HOSTS}/{host}"
         self._is_clock_host = clock_host(platform) == host
         self._publisher = Publisher(context.exchange, platform.platform, f"host_{host}", context.random.getrandbits(32))
@@ -112,9 +119,9 @@ class HostAgent:
         """How the sensors of the child processes are."""
         return [sensor for child in self.children for sensor in child.sensors]
 
-    def log_problem(self) -> str:
-        """Why the log of a child is not written any more."""
-        return next((child.log_problem for child in self.children if child.log_problem), "")
+    def log_problems(self) -> list[str]:
+        """Why logs of children are not written any more, each in words."""
+        return [f"{child.name}: {child.log_problem}" for child in self.children if child.log_problem]
 
     def pass_time_on(self, offset_s: float) -> None:
         """Tells the children how far the platform's time is from this computer's."""
@@ -149,7 +156,7 @@ class HostAgent:
 
     def _lines(self) -> Iterator[ProcessLine]:
         mine = [row.name for row in rows_at(self._platform, ProcessPlace(self._host))]
-        yield ProcessLine("", os.getpid(), ChildPhase.UP, mine)
+        yield ProcessLine("", os.getpid(), ChildPhase.UP, mine, log_problem=self._log_problem())
         for child in self.children:
             yield ProcessLine(
                 child.name,

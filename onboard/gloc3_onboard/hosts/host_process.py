@@ -152,6 +152,7 @@ class HostProcess:
             lambda text: report(Severity.WARNING, text),
             clock=self._clock_state,
             sensors=self._node.sensors,
+            log_problem=lambda: self._node.log_problem,
         )
         names = [row.name for row in (*self._node.rows, *(placeholder.row for placeholder in self._agent.placeholders))]
         self._narration = EventNarration(shared.exchange.here, platform.platform, names, report)

@@ -149,7 +149,8 @@ class HostWatch:
         """Hosts with an announced absence."""
         self._boots: dict[str, int] = {}
         """Of the processes that spoke for the hosts last."""
-        self._sensors: dict[str, list[SensorCondition]] = {}
+        self._statuses: dict[str, HostStatus] = {}
+        """Of the other hosts that are here."""
         self._book = HostBook(names, host)
         self._reported_names: HostNames | None = None
         self._reported_names_s = 0.0
@@ -175,7 +176,16 @@ class HostWatch:
 
     def sensors(self) -> list[SensorCondition]:
         """Latest reported condition of the other hosts' sensors."""
-        return [sensor for sensors in self._sensors.values() for sensor in sensors]
+        return [sensor for status in self._statuses.values() for sensor in status.sensors]
+
+    def log_problems(self) -> list[str]:
+        """Why logs of the other hosts that are here are not written any more, each in words."""
+        return [
+            f"{'/'.join(filter(None, (status.host, process.name)))}: {process.log_problem}"
+            for status in self._statuses.values()
+            for process in status.processes
+            if process.log_problem
+        ]
 
     def _receive_status(self, envelope: Envelope[Any]) -> None:
         status = envelope.payload
@@ -183,7 +193,7 @@ class HostWatch:
             self._book.update(status)
         if isinstance(status, HostStatus) and status.host != self._own:
             self._note_boot(status.host, envelope.source.boot)
-            self._sensors[status.host] = status.sensors
+            self._statuses[status.host] = status
             if status.is_renewing:
                 self._renews_until_s[status.host] = self._context.loop.time() + RENEWAL_S
             if self._here.get(status.host):
@@ -218,7 +228,7 @@ class HostWatch:
         self._here[host] = is_here
         self._book.presence(host, is_here=is_here)
         if not is_here:
-            self._sensors.pop(host, None)
+            self._statuses.pop(host, None)
         self._report(Severity.NOTICE if is_here else Severity.ERROR, f"host {host} is {'here' if is_here else 'lost'}")
         self._publish(HostPresence(host=host, is_here=is_here))
 

@@ -121,9 +121,9 @@ class OtherProcesses:
             cut.cancel()
         await self._agent.end()
 
-    def log_problem(self) -> str:
-        """Why the log of a child is not written any more."""
-        return self._agent.log_problem()
+    def log_problems(self) -> list[str]:
+        """Why logs of the other processes are not written any more, each in words."""
+        return [*self._agent.log_problems(), *self._watch.log_problems()]
 
     def sensors(self) -> list[SensorCondition]:
         """How the sensors of the other processes are."""

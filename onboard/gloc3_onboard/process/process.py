@@ -331,7 +331,7 @@ class OnboardProcess:
             self._narrator.narrate(f"onboard: {text}", severity)
 
     def _log_problem(self) -> str:
-        return self._storage.problem or self._others.log_problem()
+        return "; ".join(filter(None, (self._storage.problem, *self._others.log_problems())))
 
     def _sensor_conditions(self) -> list[SensorCondition]:
         return [*self._watch.conditions(), *self._others.sensors()]

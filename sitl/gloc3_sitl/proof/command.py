@@ -151,10 +151,7 @@ class HoldIsObeyed(Invariant):
 
     def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
         """Keeps since when the policy is to hold."""
-        is_hold = envelope.payload.policy == "hold"
-        if is_hold and not self._is_hold:
-            self._since_s = now_s
-        self._is_hold, self._received_s = is_hold, now_s
+        self._is_hold, self._received_s = envelope.payload.policy == "hold", now_s
 
     def observe(self, moment: TrueMoment) -> None:
         """Judges one moment."""

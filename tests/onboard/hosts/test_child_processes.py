@@ -1,6 +1,7 @@
 """A component that ends its process is faulty with the signal and the last words, and nobody else feels it."""
 
 import os
+import resource
 import signal
 from itertools import pairwise
 from pathlib import Path
@@ -115,3 +116,15 @@ async def test_the_host_tells_its_processes_with_their_components_and_last_words
         assert two.last_words == "process two ended by SIGKILL"
         statuses = [one for _, one in found.statuses if one.name == "ticker" and isinstance(one, ComponentStatus)]
         assert statuses[-1].state is State.WORKING
+
+
+async def test_the_logs_of_all_child_processes_that_have_stopped_are_named(tmp_path: Path) -> None:
+    """No file may grow any more, as on a full disk."""
+    async with rig(rows(tmp_path / "fate"), tmp_path) as found:
+        await both_up(found)
+        assert found.keeper.log_problems() == []
+        for child in found.keeper.children:
+            resource.prlimit(child.pid, resource.RLIMIT_FSIZE, (1, 1))
+        await found.until(lambda: len(found.keeper.log_problems()) > 1, "both are named")
+        assert [text.partition(": ")[0] for text in found.keeper.log_problems()] == ["one", "two"]
+        assert all("File too large" in text for text in found.keeper.log_problems())

@@ -2,7 +2,7 @@
 
 from gloc3.component.test_bench import PLATFORM, Bench
 from gloc3.exchange import Publisher
-from gloc3.messages.hosts import HOST_PRESENCE, HOSTS, HostStatus
+from gloc3.messages.hosts import HOST_PRESENCE, HOSTS, HostStatus, ProcessLine
 from gloc3.messages.standard_topics import TOPICS
 from gloc3.messages.topics import TopicTable
 from gloc3_onboard.hosts.host_watch import RENEWAL_S, HostWatch
@@ -62,4 +62,24 @@ def test_a_host_that_reads_its_network_file_again_is_lost_only_if_it_stays_away(
         withdraw = bench.exchange.declare_alive(TOPIC)
         is_away_for(0.1)
         assert said[2:] == ["host base is here", "host base is lost"], "that is at once where nothing was said"
+        watch.close()
+
+
+def test_every_log_of_another_host_that_has_stopped_is_named_while_the_host_is_here() -> None:
+    with Bench(topics=TopicTable(TOPICS)) as bench:
+        watch = HostWatch(bench.context, "vehicle", ["vehicle", "base"], lambda *_: None)
+        full = "log.mcap: No space left on device"
+        lines = [
+            ProcessLine("", 1, "up", [], log_problem=full),
+            ProcessLine("vision", 2, "up", []),
+            ProcessLine("lidar", 3, "up", [], log_problem=full),
+        ]
+        withdraw = bench.exchange.declare_alive(TOPIC)
+        status = HostStatus(host="base", is_clock_host=False, processes=lines)
+        Publisher(bench.exchange, PLATFORM, "host_base", 7).publish(TOPIC, status, bench.loop.time())
+        bench.run(1.0)
+        assert watch.log_problems() == [f"base: {full}", f"base/lidar: {full}"]
+        withdraw()
+        bench.run(1.0)
+        assert watch.log_problems() == []
         watch.close()

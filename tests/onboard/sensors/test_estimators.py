@@ -70,6 +70,7 @@ def test_axes_that_point_up_are_turned_and_those_that_point_down_are_not() -> No
         line(covariance=[-1.0] + [0.0] * 35),
         line(axes="enu"),
         line(reset_counter="x"),
+        line(reset_counter=2**64),
         line().replace(b"12.5", b"1e999"),
         line(t_s=1e308),
         line(t_s=-1e11),

@@ -54,7 +54,7 @@ class _Line(msgspec.Struct, kw_only=True):
     position_m: tuple[float, float, float]
     attitude_wxyz: tuple[float, float, float, float]
     covariance: Annotated[list[float], msgspec.Meta(max_length=COVARIANCE)] = []
-    reset_counter: int = 0
+    reset_counter: Annotated[int, msgspec.Meta(ge=0, lt=2**32)] = 0
     quality: float = 1.0
     axes: str = FLU
 

@@ -34,6 +34,8 @@ def fork(
         setting: NAME.SETTING=VALUE: creates the component again with it; may be repeated.
         fault: A fault without times, as `gloc3 fly --fault` takes it: it begins then; may be repeated.
     """
+    from gloc3.log.reader import LogReader, find_log
+    from gloc3.messages.topics import TopicTable
     from gloc3_sitl.flight.outputs import recreate
     from gloc3_sitl.proof.fork import Changed
     from gloc3_sitl.proof.fork import fork as fly_on
@@ -48,7 +50,8 @@ def fork(
         settings=_settings(setting or []),
         faults=tuple(fault or ()),
     )
-    recreate(out)
+    with LogReader(find_log(log), TopicTable.installed().types):
+        recreate(out)
     found = fly_on(log, changed, out)
     apart = (
         "the same path"

@@ -76,8 +76,8 @@ class ProveOptions:
     """Stop at the first broken invariant."""
     shrink: int = 80
     """So many flights, at most, to shrink each finding."""
-    out: Path = OUT
-    """Folder for the search's state and its findings."""
+    out: Path | None = None
+    """Folder for the search's state and its findings; by default runs/prove."""
     replay: Path | None = None
     """Fly a replay file again in place of a search; with --out it leaves log and picture there."""
     static: Annotated[bool, Parameter(negative=())] = False
@@ -110,8 +110,8 @@ def prove(mission: str = "", /, options: ProveOptions = ProveOptions()) -> int:
         raise Refused("--fly goes with --static")
     if options.jobs is not None and options.jobs < 1:
         raise Refused("--jobs must be 1 or more")
-    if options.static and (options.flights or options.minutes or options.first):
-        raise Refused("--flights, --minutes and --first are about the search, not about --static")
+    if options.static and (options.flights or options.minutes or options.first or options.ignore):
+        raise Refused("--flights, --minutes, --first and --ignore are about the search, not about --static")
     return _static(mission, options) if options.static else _search(mission, options)
 
 
@@ -128,8 +128,7 @@ def _replay(path: Path, options: ProveOptions) -> int:
 
     from gloc3_sitl.proof.found import replay
 
-    out = None if options.out == OUT else options.out
-    result = replay(path, out)
+    result = replay(path, options.out)
     if options.json:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(result), indent=2).decode() + "\n")
     else:
@@ -203,12 +202,12 @@ def _search(mission: str, options: ProveOptions) -> int:
     flights = options.flights if options.flights or options.minutes else FLIGHTS
     seconds = 60.0 * options.minutes if options.minutes else None
     limits = SearchLimits(flights=flights, seconds=seconds, stops_at_first=options.first, shrink_flights=options.shrink)
-    jobs = options.jobs or os.cpu_count() or 1
+    jobs, out = options.jobs or os.cpu_count() or 1, options.out or OUT
     try:
         with shown(limits.flights, is_quiet=options.quiet) as report:
-            progress = run_search(base, limits, jobs, options.out, report, kinds)
+            progress = run_search(base, limits, jobs, out, report, kinds)
     except KeyboardInterrupt:
-        narrate(f"gloc3 prove: interrupted; the same command with --out {options.out} goes on from here")
+        narrate(f"gloc3 prove: interrupted; the same command with --out {out} goes on from here")
         return INTERRUPTED
     if options.json:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(progress), indent=2).decode() + "\n")

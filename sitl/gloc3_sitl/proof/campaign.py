@@ -140,13 +140,13 @@ def _count(progress: SearchProgress, search: Search, replaced: frozenset[str]) -
         progress.simulated_s = round(progress.simulated_s + one.ended_s, 1)
         progress.refused += bool(one.refused)
         progress.rough += any((one.case.wind_m_s, one.case.waves_m, one.case.current_m_s))
-        is_replaced = _dead(one.case) in replaced
+        begun = [fault for fault in map(parse, one.case.faults) if not one.refused and fault.begin_s < one.ended_s]
+        is_replaced = bool(begun) and _dead(one.case) in replaced
         progress.replaced += is_replaced
         progress.replaced_done += is_replaced and one.state == "done"
         states[one.state or "not started"] += 1
         broken.update({found.invariant: 1 for found in one.broken})
-        for text in one.case.faults:
-            fault = parse(text)
+        for fault in begun:
             kind = fault.what.partition(":")[0].partition("=")[0]
             phase = _phase(search, fault.begin_s)
             row = progress.covered.setdefault(kind, {})

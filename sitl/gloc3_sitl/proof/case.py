@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 
 from gloc3.errors import UNREADABLE, Refused
+from gloc3_sitl.faults.fault_text import parse
 
 
 class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -100,8 +101,16 @@ def read_case(path: Path) -> FlightCase:
         Refused: there is none, or it holds no case.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=FlightCase)
+        case = msgspec.json.decode(path.read_bytes(), type=FlightCase)
     except OSError as error:
         raise Refused(f"{path} cannot be read: {error.strerror or error}") from error
     except UNREADABLE as error:
         raise Refused(f"{path} is no replay file: {error}") from error
+    if case.seed < 0:
+        raise Refused(f"{path}: the seed must be 0 or more")
+    for text in case.faults:
+        try:
+            parse(text)
+        except ValueError as error:
+            raise Refused(f"{path}: the times of the fault {text!r} cannot be read") from error
+    return case

@@ -5,7 +5,16 @@ from collections import deque
 from math import inf
 from typing import Any, Final
 
-from gloc3.messages.command_interface import CiReply, CiRequest, Outcome, Steer, Verb
+from gloc3.messages.command_interface import (
+    CiReply,
+    CiRequest,
+    Emergency,
+    Outcome,
+    RequestAction,
+    RequestTask,
+    Steer,
+    Verb,
+)
 from gloc3.messages.envelope import Envelope
 from gloc3.messages.summaries import CiEvent, MissionSummary
 from gloc3.messages.vehicle import DriverState, ManoeuvreState
@@ -17,6 +26,9 @@ GAP_S: Final = 0.5
 TAKEN_S: Final = 0.7
 """So long a hold that is commanded may take until the autopilot is in it."""
 DRIVER: Final = "autopilot_driver"
+_GOING_ON: Final = (Verb.START, Verb.RESUME, Verb.RETRY)
+_IN_CONTROL: Final = ("", "pilot", "operator", "failsafe")
+"""No policy: nothing is wrong, or another one has control."""
 HELD_S: Final = 3.0
 """So long a hold may take to end a landing."""
 SILENT_S: Final = 2.0
@@ -84,7 +96,7 @@ class MotionHasOneOwner(Invariant):
         self._senders: deque[tuple[float, tuple[str, int]]] = deque()
         self._pilot_s: float | None = None
         self._resumed_s = -1e9
-        self._policy = ""
+        self._is_policy = False
         self._author: Author = Author.SELF
         self._behaviour: Behaviour | None = None
         self._is_ambiguous = False
@@ -94,10 +106,12 @@ class MotionHasOneOwner(Invariant):
         """Keeps who streams, and what operators say."""
         payload = envelope.payload
         if isinstance(payload, CiRequest):
-            if isinstance(payload.body, Steer) or type(payload.body).__name__ in ("RequestAction", "Emergency"):
+            body = payload.body
+            is_going_on = isinstance(body, Steer) and body.verb in _GOING_ON
+            if is_going_on or isinstance(body, RequestTask | RequestAction | Emergency):
                 self._resumed_s = now_s
         elif isinstance(payload, MissionSummary):
-            self._policy = payload.policy
+            self._is_policy = payload.policy not in _IN_CONTROL
         elif not self._is_corrupted:
             self._stream(now_s, (envelope.source.component, envelope.source.boot))
 
@@ -124,7 +138,7 @@ class MotionHasOneOwner(Invariant):
         is_taken_back = author == Author.COMMAND and self._author == Author.PILOT and not self._is_ambiguous
         if is_taken_back and moment.is_under_way:
             since_s = 0.0 if self._pilot_s is None else moment.t_s - self._pilot_s
-            is_allowed = self._resumed_s >= (self._pilot_s or 0.0) or since_s < GIVEN_BACK_S or bool(self._policy)
+            is_allowed = self._resumed_s >= (self._pilot_s or 0.0) or since_s < GIVEN_BACK_S or self._is_policy
             is_alone = not moment.has_transmitter
             if not is_allowed and not is_alone:
                 self.break_at(
@@ -151,7 +165,10 @@ class HoldIsObeyed(Invariant):
 
     def receive(self, topic: str, envelope: Envelope[Any], now_s: float) -> None:
         """Keeps since when the policy is to hold."""
-        self._is_hold, self._received_s = envelope.payload.policy == "hold", now_s
+        is_hold = envelope.payload.policy == "hold"
+        if is_hold and not self._is_hold:
+            self._since_s = now_s
+        self._is_hold, self._received_s = is_hold, now_s
 
     def observe(self, moment: TrueMoment) -> None:
         """Judges one moment."""

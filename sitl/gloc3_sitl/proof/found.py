@@ -10,7 +10,7 @@ from gloc3.errors import Refused
 from gloc3_sitl.flight.outputs import recreate
 from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
-from gloc3_sitl.proof.trial import TrialResult, fly_case
+from gloc3_sitl.proof.trial import TrialResult, fly_case, fly_to_judge
 
 REPLAY: Final = "replay.json"
 CAUSE: Final = "cause.txt"
@@ -47,7 +47,7 @@ def write_found(case: FlightCase, kind: type[Invariant], folder: Path | None, fl
         (folder / REPLAY).write_text(case.contained().line() + "\n", encoding="utf-8")
         if case.text:
             (folder / MISSION).write_text(case.text, encoding="utf-8")
-    result = fly_case(case, out=folder, kinds=(kind,))
+    result = fly_to_judge(case, (kind,), folder)
     if not result.broken:
         return None
     mission = str(folder / MISSION) if folder is not None and case.text else ""

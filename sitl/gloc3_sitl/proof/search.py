@@ -18,7 +18,6 @@ from typing import Final
 import msgspec
 
 from gloc3.clock import Clock
-from gloc3.component.workers import guard
 from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 from gloc3.messages.software import own_software
 from gloc3.platform.reader import whole_text
@@ -28,8 +27,7 @@ from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.draw import Alone, Course, Draw
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.reached import worth
-from gloc3_sitl.proof.record import NoTraceback
-from gloc3_sitl.proof.trial import TrialResult, fly_case
+from gloc3_sitl.proof.trial import TrialResult, fly_case, fly_to_judge
 from gloc3_sitl.vehicles.table import vehicle_named, vehicle_of
 
 ROUND: Final = 16
@@ -63,7 +61,9 @@ class SearchHead(msgspec.Struct, frozen=True, kw_only=True):
 
     case: FlightCase
     sources: str
-    """Digest of mission, platform and version: with others the same case is another flight."""
+    """Digest of mission, platform, world and version: with others the same case is another flight."""
+    invariants: tuple[str, ...]
+    """By which the flights are judged."""
 
 
 class _Seed(msgspec.Struct):
@@ -137,16 +137,14 @@ class Search:
         path = self._path
         if path is None:
             return []
-        head = msgspec.json.encode(SearchHead(case=self.base, sources=sources(self.base)))
-        lines = path.read_bytes().splitlines() if path.exists() else []
-        if not lines:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(head + b"\n")
-            return []
+        names = tuple(kind.name for kind in self.kinds)
+        head = msgspec.json.encode(SearchHead(case=self.base, sources=sources(self.base), invariants=names))
+        data = path.read_bytes() if path.exists() else b""
+        lines = data.splitlines() or [head]
         if lines.pop(0) != head:
             raise Refused(
-                f"{path} belongs to another search, or mission, platform or version have changed since; choose another "
-                "folder or remove it"
+                f"{path} belongs to another search, or mission, platform, world, invariants or version have changed since; "
+                "choose another folder or remove it"
             )
         kept = []
         for line in lines:
@@ -154,6 +152,11 @@ class Search:
                 kept.append(msgspec.json.decode(line, type=SearchedFlight))
             except UNREADABLE:
                 break  # the last line of a run that was killed
+        kept = kept[: len(kept) // ROUND * ROUND]
+        whole = b"\n".join([head, *lines[: len(kept)], b""])
+        if whole != data:  # what follows is appended to whole rounds
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(whole)
         return kept
 
     @property
@@ -221,11 +224,13 @@ class Search:
 
 
 def sources(base: FlightCase) -> str:
-    """Digest of what a case only names: the texts of its mission and platform, and the version."""
+    """Digest of what a case only names: the texts of its mission, platform and world, and the version."""
     from gloc3_sitl.flight.mission_file import find_file
 
     mission = base.text or find_file(base.mission).read_text(encoding="utf-8")
-    parts = (mission, whole_text(base.platform), own_software().version)
+    world = Path(base.world)
+    world_text = world.read_text(encoding="utf-8") if world.is_file() else ""
+    parts = (mission, whole_text(base.platform), world_text, own_software().version)
     return sha256("\0".join(parts).encode()).hexdigest()
 
 
@@ -239,15 +244,10 @@ def _vehicle(base: FlightCase) -> str:
 
 
 def _fly_one(case: FlightCase, kinds: Invariants) -> TrialResult:
-    """In a process of its own: a flight; one that ends with an error has broken an invariant, too."""
+    """In a process of its own: a flight."""
     began_s = Clock.processor_s()
-    result, error = guard(lambda: fly_case(case, kinds=kinds))
-    took_s = round(Clock.processor_s() - began_s, 3)
-    if result is not None:
-        return msgspec.structs.replace(result, processor_s=took_s)
-    text = f"the flight ended with {type(error).__name__}: {error}"
-    broken = BrokenInvariant(invariant=NoTraceback.name, t_s=0.0, text=text)
-    return TrialResult(case=case, broken=(broken,), processor_s=took_s)
+    result = fly_to_judge(case, kinds)
+    return msgspec.structs.replace(result, processor_s=round(Clock.processor_s() - began_s, 3))
 
 
 def _end_with_parent() -> None:

@@ -63,8 +63,8 @@ class Shrinker:
 
     def _first_broken(self, candidates: Sequence[FlightCase]) -> FlightCase | None:
         for first in range(0, len(candidates), BATCH):
-            batch = candidates[first : first + BATCH]
-            if self.flights >= self._most:
+            batch = candidates[first : first + BATCH][: self._most - self.flights]
+            if not batch:
                 return None
             self.flights += len(batch)
             for result in self._fly(batch, (self._kind,)):

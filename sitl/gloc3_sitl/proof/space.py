@@ -175,6 +175,7 @@ class DoneTrulyPassed(Invariant):
         self._truth: list[tuple[float, tuple[float, float, float]]] = []
         self._done: dict[str, float] = {}
         self._std_m: list[tuple[float, float]] = []
+        """When it became what."""
 
     def observe(self, moment: TrueMoment) -> None:
         """Keeps the true way."""
@@ -202,7 +203,8 @@ class DoneTrulyPassed(Invariant):
     def _judge(self, way: RequestedFlight, end_s: float) -> None:
         limits = self.facts.platform.limits
         is_level = limits.survey_height_m == 0.0
-        std_m = max((std for t_s, std in self._std_m if way.start_s - 5.0 <= t_s <= end_s), default=0.0)
+        before_s = max((t_s for t_s, _ in self._std_m if t_s <= way.start_s - 5.0), default=-inf)
+        std_m = max((std for t_s, std in self._std_m if before_s <= t_s <= end_s), default=0.0)
         near_m = max(PASSED_M, limits.survey_acceptance_m, way.acceptance_m, limits.turn_radius_m) + SIGMAS * std_m
         flown = [(t_s, position) for t_s, position in self._truth if way.start_s <= t_s <= end_s + 0.5]
         at = 0

@@ -10,6 +10,7 @@ from typing import Final
 import msgspec
 
 from gloc3.clock import VirtualLoop
+from gloc3.component.workers import guard
 from gloc3.errors import Gloc3Error, InputError, Refused
 from gloc3.messages.summaries import MissionSummary
 from gloc3.platform.platform import Platform
@@ -26,6 +27,7 @@ from gloc3_sitl.proof.case import FlightCase
 from gloc3_sitl.proof.course import is_at_rest
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant, is_cut_off
 from gloc3_sitl.proof.observer import Observer
+from gloc3_sitl.proof.record import NoTraceback
 from gloc3_sitl.proof.standard_invariants import all_invariants
 
 START_WITHIN_S: Final = 150.0
@@ -123,6 +125,18 @@ def fly_case(
                 return TrialResult(case=case, refused=str(error).splitlines()[0])
             except Refused as error:
                 return TrialResult(case=case, refused=str(error))
+
+
+def fly_to_judge(case: FlightCase, kinds: tuple[type[Invariant], ...], out: Path | None = None) -> TrialResult:
+    """Flies a case as `fly_case` does; an error in it breaks an invariant, too, and a case that is none is refused."""
+    result, error = guard(lambda: fly_case(case, kinds=kinds, out=out))
+    if result is not None:
+        return result
+    if isinstance(error, Gloc3Error):
+        return TrialResult(case=case, refused=str(error).splitlines()[0])
+    text = f"the flight ended with {type(error).__name__}: {error}"
+    broken = BrokenInvariant(invariant=NoTraceback.name, t_s=0.0, text=text)
+    return TrialResult(case=case, broken=(broken,) if NoTraceback in kinds else (), reason=text)
 
 
 class _Trial:

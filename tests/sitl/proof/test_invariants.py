@@ -7,7 +7,16 @@ from tests.sitl.proof.moments import facts, flown, message, moment
 
 from gloc3.errors import Gloc3Error, Refused
 from gloc3.evaluation.requested_path import RequestedFlight
-from gloc3.messages.command_interface import CiReply, CiRequest, Outcome, Steer, Verb
+from gloc3.messages.command_interface import (
+    CiReply,
+    CiRequest,
+    Emergency,
+    EmergencyVerb,
+    Outcome,
+    RequestTask,
+    Steer,
+    Verb,
+)
 from gloc3.messages.envelope import Envelope, Event, Severity
 from gloc3.messages.frames import IDENTITY
 from gloc3.messages.summaries import CiEvent, MissionSummary
@@ -192,6 +201,17 @@ def test_a_way_that_is_done_has_passed_its_waypoints(passes_at_m: float, is_brok
     assert not is_broken or told(judge) == "w1 is done, and passed waypoint 1 of 2 at 1.00 m; 0.30 m counts as passed"
 
 
+def test_a_pose_that_has_known_for_long_how_well_it_knows_still_knows() -> None:
+    """Its standard deviation has been 0.2 m for 49 s when the way begins, so that 0.8 m aside may be passed."""
+    judge = DoneTrulyPassed(facts())
+    judge.receive("pose", message(pose(0.0, position_std_m=(0.2, 0.2, 0.2))), 1.0)
+    for step in range(100):
+        judge.observe(moment(50.0 + 0.1 * step, position_ned_m=(0.1 * step, 0.7, -2.0)))
+    judge.receive("action_status/waypoints", message(ActionStatus(action_id="w1", state=ActionState.DONE)), 59.5)
+    judge.end(flown(requested=[RequestedFlight("w1", 50.0, [(0.0, 0.0, -2.0), (8.0, 0.0, -2.0)], 1.0)]))
+    assert not told(judge)
+
+
 # --- command ---
 
 
@@ -276,9 +296,11 @@ def test_two_that_stream_by_turns_are_told_and_a_standby_that_takes_over_is_not(
     assert told(judge).startswith("limiter and limiter_standby stream setpoints by turns")
 
 
-def take_back(judge: MotionHasOneOwner, *, has_transmitter: bool = True) -> None:
+def take_back(judge: MotionHasOneOwner, *said: Any, has_transmitter: bool = True) -> None:
     judge.observe(moment(5.0))
     judge.observe(moment(6.0, mode_author=Author.PILOT, has_transmitter=True))
+    for payload in said:
+        judge.receive("ci/mission", message(payload), 8.0)
     judge.observe(moment(9.0, mode_author=Author.COMMAND, has_transmitter=has_transmitter))
 
 
@@ -288,14 +310,31 @@ def test_to_take_the_vehicle_back_from_a_pilot_is_told() -> None:
     assert told(judge) == "Offboard was commanded 3.0 s after a pilot has taken over, and nobody said resume"
 
 
-def test_to_go_on_when_an_operator_says_so_or_the_pilot_is_gone_is_right() -> None:
+@pytest.mark.parametrize(("policy", "is_right"), [("", False), ("pilot", False), ("failsafe", False), ("land", True)])
+def test_only_a_safety_policy_takes_the_vehicle_back_by_itself(policy: str, *, is_right: bool) -> None:
+    """The summary names the pilot where a policy stands, while one has control."""
     judge = MotionHasOneOwner(facts())
-    request = CiRequest(sender="255", boot=1, sequence=1, body=Steer(verb=Verb.RESUME))
-    judge.observe(moment(5.0))
-    judge.observe(moment(6.0, mode_author=Author.PILOT, has_transmitter=True))
-    judge.receive("ci/request", message(request), 8.0)
-    judge.observe(moment(9.0, has_transmitter=True))
-    assert not told(judge)
+    take_back(judge, MissionSummary(name="hop", digest="1", state="paused", policy=policy))
+    assert (not told(judge)) == is_right
+
+
+@pytest.mark.parametrize(
+    ("body", "is_right"),
+    [
+        (Steer(verb=Verb.RESUME), True),
+        (Steer(verb=Verb.PAUSE), False),
+        (Steer(verb=Verb.SKIP, target="hop.up"), False),
+        (RequestTask(text="land: {}"), True),
+        (Emergency(verb=EmergencyVerb.HOLD), True),
+    ],
+)
+def test_to_go_on_is_right_when_an_operator_says_so(body: Any, *, is_right: bool) -> None:
+    judge = MotionHasOneOwner(facts())
+    take_back(judge, CiRequest(sender="255", boot=1, sequence=1, body=body))
+    assert (not told(judge)) == is_right
+
+
+def test_to_go_on_when_the_pilot_is_gone_is_right() -> None:
     alone = MotionHasOneOwner(facts())
     take_back(alone, has_transmitter=False)
     assert not told(alone)

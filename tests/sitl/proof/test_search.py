@@ -17,15 +17,16 @@ from gloc3.platform.reader import whole_text
 from gloc3_onboard.components.controllers.hold import HoldController
 from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
 from gloc3_sitl.faults.fault_text import parse
-from gloc3_sitl.proof.campaign import SearchLimits, run_search
+from gloc3_sitl.proof.campaign import SearchLimits, SearchProgress, _count, run_search
 from gloc3_sitl.proof.case import FlightCase, read_case
+from gloc3_sitl.proof.course import ItEnds
 from gloc3_sitl.proof.draw import AROUND_S, Course, Draw
 from gloc3_sitl.proof.found import distinct, five_lines, replay, write_found
 from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.record import NoTraceback
 from gloc3_sitl.proof.search import ROUND, STATE, Invariants, Search, flying
 from gloc3_sitl.proof.shrink import Shrinker
-from gloc3_sitl.proof.trial import TrialResult, fly_case
+from gloc3_sitl.proof.trial import TrialResult, fly_case, fly_to_judge
 
 HOP = FlightCase(mission="hop", platform="pelican_rtk")
 
@@ -109,6 +110,39 @@ def test_an_interrupted_search_goes_on_with_what_it_has_flown(
     assert len(flown) == ROUND, "the last round alone was flown again"
 
 
+def test_a_search_that_was_killed_in_a_line_goes_on_from_there_every_time(
+    first_flights: tuple[Search, Path], tmp_path: Path
+) -> None:
+    """What is flown again is not appended to the piece of a line."""
+    _, out = first_flights
+    left = (out / STATE).read_bytes()
+    (tmp_path / STATE).write_bytes(left[:-200])
+    for _ in range(2):
+        again = Search(HOP, pretend, (NeverPaused,), tmp_path)
+        again.begin()
+        for _ in range(3):
+            again.round()
+        assert (tmp_path / STATE).read_bytes() == left
+
+
+def test_a_folder_of_flights_that_were_judged_by_others_is_refused(first_flights: tuple[Search, Path]) -> None:
+    _, out = first_flights
+    other = Search(HOP, pretend, (NeverPaused, NoTraceback), out)
+    with pytest.raises(Refused, match="invariants or version have changed"):
+        other.begin()
+
+
+def test_a_folder_of_a_search_in_a_world_that_has_changed_is_refused(tmp_path: Path) -> None:
+    world = tmp_path / "w.yaml"
+    text = (files("gloc3_sitl.world") / "worlds" / "hold.yaml").read_text(encoding="utf-8")
+    world.write_text(text, encoding="utf-8")
+    base = msgspec.structs.replace(HOP, world=str(world))
+    Search(base, pretend, (NeverPaused,), tmp_path).begin()
+    world.write_text(text + "# changed\n", encoding="utf-8")
+    with pytest.raises(Refused, match="world, invariants or version have changed"):
+        Search(base, pretend, (NeverPaused,), tmp_path).begin()
+
+
 def test_a_folder_of_another_search_is_refused(first_flights: tuple[Search, Path]) -> None:
     _, out = first_flights
     other = Search(msgspec.structs.replace(HOP, seed=7), pretend, (NeverPaused,), out)
@@ -123,7 +157,7 @@ def test_a_folder_whose_platform_file_has_changed_since_is_refused(tmp_path: Pat
     Search(base, pretend, (NeverPaused,), tmp_path).begin()
     Search(base, pretend, (NeverPaused,), tmp_path).begin()
     platform.write_text(whole_text("pelican_rtk") + "# changed\n", encoding="utf-8")
-    with pytest.raises(Refused, match="platform or version have changed"):
+    with pytest.raises(Refused, match="platform, world, invariants or version have changed"):
         Search(base, pretend, (NeverPaused,), tmp_path).begin()
 
 
@@ -336,6 +370,53 @@ def test_an_error_of_a_component_is_found_in_flight(monkeypatch: pytest.MonkeyPa
     assert [one.text for one in broken] == ["hold: working -> faulty: ZeroDivisionError: float division by zero"]
 
 
+def test_a_flight_that_ends_with_an_error_is_a_finding_where_errors_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any, **__: Any) -> TrialResult:
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr("gloc3_sitl.proof.trial.fly_case", fail)
+    found = write_found(HOP, NoTraceback, None)
+    assert found is not None
+    assert found.broken.text == "the flight ended with ZeroDivisionError: by nothing"
+    assert write_found(HOP, NeverPaused, None) is None
+    result = fly_to_judge(HOP, (NeverPaused,))
+    assert (result.broken, result.reason) == ((), found.broken.text)
+
+
+def test_a_mission_that_does_not_pass_its_check_breaks_nothing() -> None:
+    result = fly_to_judge(msgspec.structs.replace(HOP, text="mission: hop\ntasks: {}\n"), (NoTraceback,))
+    assert result.refused
+    assert not result.broken
+
+
+def test_faults_that_would_have_begun_after_the_end_are_not_counted_as_flown() -> None:
+    def early(cases: Sequence[FlightCase], kinds: Invariants) -> Iterator[TrialResult]:
+        for number, result in enumerate(pretend(cases, ())):
+            yield msgspec.structs.replace(result, broken=(), ended_s=5.0, refused="no" if number == 0 else "")
+
+    search = Search(HOP, early, (NeverPaused,))
+    search.begin()
+    flights = search.round()
+    progress = SearchProgress(mission="hop", platform="pelican_rtk", seed=0)
+    _count(progress, search, frozenset())
+    begun = [
+        fault for one in flights[1:] for fault in map(parse, one.case.faults) if fault.begin_s < 5.0
+    ]  # the first is refused
+    assert sum(sum(row.values()) for row in progress.covered.values()) == len(begun)
+    assert 0 < len(begun) < sum(len(one.case.faults) for one in flights)
+
+
+def test_no_more_flights_are_flown_to_shrink_a_finding_than_it_is_given() -> None:
+    flown: list[FlightCase] = []
+
+    def count(cases: Sequence[FlightCase], kinds: Invariants) -> Iterator[TrialResult]:
+        flown.extend(cases)
+        return pretend(cases, kinds)
+
+    case = msgspec.structs.replace(HOP, faults=("restart@3..6", "crash:pose@5", "cable_loss=1@9..12"))
+    assert Shrinker(ItEnds, count, 3).shrink(case).flights == len(flown) == 3
+
+
 def test_one_of_each_kind_is_shrunk_the_simplest_first() -> None:
     def case(*faults: str) -> FlightCase:
         return msgspec.structs.replace(HOP, faults=faults)
@@ -395,3 +476,11 @@ def test_a_replay_file_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "wrong.json").write_text("{}")
     with pytest.raises(Refused, match="is no replay file"):
         read_case(tmp_path / "wrong.json")
+    for changed, says in (
+        ({"faults": ("crash:pose@x",)}, "times of the fault 'crash:pose@x'"),
+        ({"faults": ("crash:pose@1..2..3",)}, "cannot be read"),
+        ({"seed": -1}, "seed must be 0 or more"),
+    ):
+        (tmp_path / "wrong.json").write_text(msgspec.structs.replace(HOP, **changed).line())
+        with pytest.raises(Refused, match=says):
+            read_case(tmp_path / "wrong.json")

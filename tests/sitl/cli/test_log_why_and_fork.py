@@ -92,6 +92,13 @@ def test_nothing_changed_is_the_same_flight(run: Path, tmp_path: Path) -> None:
     assert (forked.apart_s, forked.most_apart_m) == (None, 0.0)
 
 
+def test_a_log_that_is_not_there_leaves_the_folder_of_the_last_one_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "log.mcap").write_text("a log", encoding="utf-8")
+    missing = str(tmp_path / "elsewhere" / "nope.mcap")
+    assert run_command(["log", "fork", missing, "--at", "9", "--fault", "pilot:land", "--out", str(tmp_path)]) == 2
+    assert (tmp_path / "log.mcap").read_text(encoding="utf-8") == "a log"
+
+
 def test_it_is_flown_again_in_its_own_world(tmp_path: Path) -> None:
     world = tmp_path / "turned.yaml"
     text = (files("gloc3_sitl.world") / "worlds" / "hold.yaml").read_text(encoding="utf-8")

@@ -70,6 +70,7 @@ def test_wrong_use_is_refused(options: ProveOptions, says: str) -> None:
         (ProveOptions(seed=-1), "--seed must be 0 or more"),
         (ProveOptions(jobs=-3), "--jobs must be 1 or more"),
         (ProveOptions(static=True, flights=3), "about the search, not about --static"),
+        (ProveOptions(static=True, ignore=["it_ends"]), "about the search, not about --static"),
         (ProveOptions(ignore=["it_end"]), "did you mean 'it_ends'"),
     ],
 )
@@ -111,8 +112,10 @@ def test_a_static_proof_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_replay_file_is_flown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "replay.json"
     file.write_text(FlightCase(mission="hop", platform="pelican_rtk").line())
-    assert run(["prove", "--replay", str(file), "--json"]) == 0
+    out = tmp_path / "runs" / "prove"
+    assert run(["prove", "--replay", str(file), "--json", "--out", str(out)]) == 0
     assert json.loads(capsys.readouterr().out)["state"] == "done"
+    assert (out / "log.mcap").is_file()
 
 
 @pytest.mark.flight

@@ -172,7 +172,7 @@ def causes_of(happenings: Sequence[Happening], seen: Happening) -> list[Happenin
     """The chain from what was seen back to its root: each is the cause of the one before it in the list."""
     chain = [seen]
     while True:
-        cause = _cause(happenings, chain[-1])
+        cause = _cause([one for one in happenings if one not in chain[:-1]], chain[-1])
         if cause is None:
             return chain
         chain.append(cause)

@@ -132,6 +132,7 @@ class Flight:
         beside = {"waves_m": plan.waves_m, "current_m_s": plan.current_m_s}
         metadata |= {name: f"{value:g}" for name, value in beside.items() if value}
         metadata |= {"world": plan.world} if plan.world else {}
+        metadata |= {"home": msgspec.json.encode(plan.home).decode()} if plan.home is not None else {}
         metadata |= {"terrain": str(plan.terrain.absolute())} if plan.terrain is not None else {}
         metadata |= {"parameters": msgspec.json.encode(plan.parameters).decode()} if plan.parameters else {}
         files = {MISSION_FILE: self.mission.text.encode()}

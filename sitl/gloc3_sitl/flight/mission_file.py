@@ -100,16 +100,23 @@ def is_without_satellites(platform: Platform) -> bool:
     return "VisionPoseDriver" in kinds and "SatellitesSampler" not in kinds
 
 
-def read_mission_file(path: Path, platform: Platform, folder: Path, terrain: Terrain | None = None) -> FlyableMission:
+def read_mission_file(
+    path: Path, platform: Platform, folder: Path, terrain: Terrain | None = None, home: GeoPoint | None = None
+) -> FlyableMission:
     """Reads and checks a mission; a plan of another format is converted into a folder first.
+
+    Args:
+        path: the file.
+        platform: that flies it.
+        folder: for what a plan is converted to.
+        terrain: against which its heights are checked.
+        home: of the plan that a mission in our format was once converted from; a plan says it itself.
 
     Raises:
         InputError: it cannot be read, not be expressed, or may not fly; with everything that is wrong.
     """
-    if not is_plan_file(path):
-        file, text, _ = mission_text(str(path), platform)
-        return _flyable(file, check_text(text, file, Circumstances(platform=platform, terrain=terrain)), None)
-    home = planned_home(load_plan(path))
+    if is_plan_file(path):
+        home = planned_home(load_plan(path))
     circumstances = Circumstances(platform=platform, terrain=terrain)
     if home is not None:
         circumstances = Circumstances(
@@ -119,6 +126,9 @@ def read_mission_file(path: Path, platform: Platform, folder: Path, terrain: Ter
             home_ned_m=(0.0, 0.0, 0.0),
             terrain=terrain,
         )
+    if not is_plan_file(path):
+        file, text, _ = mission_text(str(path), platform)
+        return _flyable(file, check_text(text, file, circumstances), home)
     _, report, text = check_plan(path, circumstances)
     report.flyable()
     converted = folder / "mission-converted.yaml"

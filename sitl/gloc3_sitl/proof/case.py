@@ -2,10 +2,12 @@
 
 import shlex
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import msgspec
 
 from gloc3.errors import UNREADABLE, Refused
+from gloc3.messages.frames import GeoPoint
 from gloc3_sitl.faults.fault_text import parse
 
 
@@ -27,6 +29,8 @@ class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """As `gloc3 fly --fault` takes them."""
     text: str = ""
     """Of the mission where it is no longer the file's: a shortened one."""
+    home: GeoPoint | None = None
+    """With a text that was converted from a plan: the plan's home."""
     platform_text: str = ""
     """The platform file with its bases, where it is not an installed one and the case is to be replayed elsewhere."""
     world_text: str = ""
@@ -55,17 +59,28 @@ class FlightCase(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     def contained(self) -> "FlightCase":
         """The same with the texts of its files, which may change or be elsewhere when it is replayed."""
         from gloc3.platform.reader import whole_text
-        from gloc3_sitl.flight.mission_file import find_file
 
-        text, platform_text = self.text, self.platform_text
-        if not text and Path(self.mission).is_file() and Path(self.mission).suffix == ".yaml":
-            text = find_file(self.mission).read_text(encoding="utf-8")
+        text, home, platform_text = self.text, self.home, self.platform_text
+        if not text and Path(self.mission).is_file():
+            text, home = self._whole_mission()
         if not platform_text and Path(self.platform).is_file():
             platform_text = whole_text(self.platform)
         world_text = self.world_text
         if not world_text and Path(self.world).is_file():
             world_text = Path(self.world).read_text(encoding="utf-8")
-        return msgspec.structs.replace(self, text=text, platform_text=platform_text, world_text=world_text)
+        return msgspec.structs.replace(self, text=text, home=home, platform_text=platform_text, world_text=world_text)
+
+    def _whole_mission(self) -> tuple[str, GeoPoint | None]:
+        """The mission with its libraries and plans, in our format, and its planned home."""
+        from gloc3.mission.formats import mission_text
+        from gloc3.platform.reader import load_platform
+        from gloc3_sitl.flight.mission_file import read_mission_file
+
+        with TemporaryDirectory() as scratch:
+            platform = load_platform(self.platform_file(Path(scratch)))
+            mission = read_mission_file(Path(self.mission), platform, Path(scratch))
+            _, text, _ = mission_text(mission.file, platform)
+        return text, mission.home
 
     def platform_file(self, folder: Path) -> str:
         """The platform's name or file; a text is written into a folder first."""

@@ -12,7 +12,7 @@ from gloc3.errors import Gloc3Error, Refused
 from gloc3.log.reader import LogReader, find_log
 from gloc3.log.record import PLATFORM_FILE
 from gloc3.messages.command_interface import CiRequest, Emergency, Steer, Verb
-from gloc3.messages.frames import Vector3
+from gloc3.messages.frames import GeoPoint, Vector3
 from gloc3.messages.topics import TopicTable
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.flight.messages import SimFault, SimTruth
@@ -130,6 +130,7 @@ def _case(reader: LogReader, out: Path) -> tuple[FlightCase, Conditions]:
         waves_m=float(run.get("waves_m", 0.0)),
         current_m_s=float(run.get("current_m_s", 0.0)),
         world=world,
+        home=msgspec.json.decode(run["home"], type=GeoPoint) if "home" in run else None,
         faults=(*_faults(reader), *_commands(reader)),
     )
     return case, Conditions(

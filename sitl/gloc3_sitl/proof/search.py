@@ -225,9 +225,10 @@ class Search:
 
 def sources(base: FlightCase) -> str:
     """Digest of what a case only names: the texts of its mission, platform and world, and the version."""
-    from gloc3_sitl.flight.mission_file import find_file
+    from gloc3.mission.formats import mission_text
+    from gloc3.platform.reader import load_platform
 
-    mission = base.text or find_file(base.mission).read_text(encoding="utf-8")
+    mission = base.text or mission_text(base.mission, load_platform(base.platform))[1]
     world = Path(base.world)
     world_text = world.read_text(encoding="utf-8") if world.is_file() else ""
     parts = (mission, whole_text(base.platform), world_text, own_software().version)

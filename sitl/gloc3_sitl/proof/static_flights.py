@@ -43,8 +43,8 @@ def prove_case(base: FlightCase) -> StaticProof:
     document = read_document(load_bytes(path), str(path))
     platform = check_platform(document, is_loading_classes=True)
     with TemporaryDirectory() as scratch:
-        file = base.file(Path(scratch))
-        mission = read_mission_file(file, platform, file.parent).mission
+        folder = Path(scratch)
+        mission = read_mission_file(base.file(folder), platform, folder, home=base.home).mission
     return prove_statically(platform, mission, document)
 
 

@@ -157,7 +157,7 @@ class _Trial:
         self._platform_file, self._world_file = case.platform_file(scratch), case.world_file(scratch)
         self._platform: Platform = load_platform(self._platform_file, is_loading_classes=True, devices=DEVICES)
         self._mission = read_mission_file(
-            case.file(scratch), self._platform, out or scratch, open_terrain(conditions.terrain)
+            case.file(scratch), self._platform, out or scratch, open_terrain(conditions.terrain), case.home
         )
         self._phases: list[tuple[float, str]] = []
         self._started_s = 0.0

@@ -8,8 +8,9 @@ import pytest
 
 from gloc3.cli.program import run as run_command
 from gloc3.errors import Refused
-from gloc3.log.causes import causes_of, find_happening, read_happenings, render_causes
+from gloc3.log.causes import Happening, causes_of, find_happening, read_happenings, render_causes
 from gloc3.log.reader import LogReader, find_log
+from gloc3.messages.summaries import AUTOPILOT_SAYS
 from gloc3.messages.topics import TopicTable
 from gloc3_sitl.proof.fork import Changed, fork
 
@@ -90,6 +91,23 @@ def test_a_flight_is_the_recorded_one_until_it_is_changed(run: Path, tmp_path: P
 def test_nothing_changed_is_the_same_flight(run: Path, tmp_path: Path) -> None:
     forked = fork(run, Changed(at_s=9.0), tmp_path)
     assert (forked.apart_s, forked.most_apart_m) == (None, 0.0)
+
+
+def test_a_failsafe_that_is_named_after_its_mode_ends_no_chain_in_a_circle() -> None:
+    mode = Happening(10.0, "autopilot", "mode return", "autopilot", "autopilot_driver", 2)
+    said = Happening(10.3, "link", f"{AUTOPILOT_SAYS}Failsafe activated: RTL", "ci/event", "command_server", 3)
+    fault = Happening(9.0, "injected", "fault link_loss@9..", "sim/fault", "simulator", 1)
+    assert causes_of([mode, said], mode) == [mode, said]
+    assert causes_of([fault, mode, said], mode)[:2] == [mode, said]
+
+
+def test_the_flight_of_a_plan_is_flown_again_from_the_home_that_was_planned(tmp_path: Path) -> None:
+    plan = Path("tests/data/missions/box.plan")
+    flown = ("--platform", "pelican_rtk", "--quiet", "--out", str(tmp_path / "flown"))
+    assert run_command(["fly", str(plan), *flown]) == 0
+    (tmp_path / "forked").mkdir()
+    forked = fork(tmp_path / "flown", Changed(at_s=9.0), tmp_path / "forked")
+    assert (forked.apart_s, forked.most_apart_m, forked.state) == (None, 0.0, "done")
 
 
 def test_a_log_that_is_not_there_leaves_the_folder_of_the_last_one_as_it_is(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ from gloc3_sitl.proof.invariant import BrokenInvariant, Invariant
 from gloc3_sitl.proof.record import NoTraceback
 from gloc3_sitl.proof.search import ROUND, STATE, Invariants, Search, flying
 from gloc3_sitl.proof.shrink import Shrinker
+from gloc3_sitl.proof.static_flights import prove_case
 from gloc3_sitl.proof.trial import TrialResult, fly_case, fly_to_judge
 
 HOP = FlightCase(mission="hop", platform="pelican_rtk")
@@ -468,6 +469,44 @@ def test_a_replay_file_holds_the_mission_the_platform_and_the_world_that_it_was_
     result = fly_case(again)
     assert (result.state, result.broken, result.refused) == ("done", (), "")
     assert FlightCase(mission="hop", platform="pelican_rtk").contained().text == ""
+
+
+LIBRARY = """\
+define:
+  hopping:
+    parameters: {t: {kind: number}}
+    actions:
+      up: {take_off: {height_m: 1.5}}
+      stay: {hold: {duration_s: $t}, after: [up]}
+      down: {land: {}, after: [stay]}
+"""
+INCLUDING = """\
+mission: inc
+frame: hold
+platform: pelican_rtk
+geofence: {polygon_m: [[-2, -2], [20, -2], [20, 12], [-2, 12]], ceiling_m: 8}
+include: [lib.yaml]
+tasks:
+  hop: {use: hopping, with: {t: 4}}
+"""
+
+
+@pytest.mark.parametrize("name", ["m.yaml", "m.plan"])
+def test_a_replay_file_holds_the_libraries_of_a_mission_and_the_home_of_a_plan(tmp_path: Path, name: str) -> None:
+    (tmp_path / "lib.yaml").write_text(LIBRARY, encoding="utf-8")
+    plan = Path("tests/data/missions/box.plan").read_text(encoding="utf-8")
+    (tmp_path / name).write_text(INCLUDING if name == "m.yaml" else plan, encoding="utf-8")
+    case = FlightCase(mission=str(tmp_path / name), platform="pelican_rtk")
+    flown = fly_case(case)
+    assert flown.state == "done"
+    prove_case(case)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lib.yaml", name], "nothing is written beside it"
+    replay_file = tmp_path / "replay.json"
+    replay_file.write_text(case.contained().line(), encoding="utf-8")
+    (tmp_path / "lib.yaml").unlink()
+    (tmp_path / name).unlink()
+    again = fly_case(read_case(replay_file))
+    assert (again.state, again.ended_s, again.story) == (flown.state, flown.ended_s, flown.story)
 
 
 def test_a_replay_file_that_is_none_is_refused(tmp_path: Path) -> None:

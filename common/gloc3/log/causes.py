@@ -172,19 +172,21 @@ def causes_of(happenings: Sequence[Happening], seen: Happening) -> list[Happenin
     """The chain from what was seen back to its root: each is the cause of the one before it in the list."""
     chain = [seen]
     while True:
-        cause = _cause([one for one in happenings if one not in chain[:-1]], chain[-1])
+        cause = _cause(happenings, chain)
         if cause is None:
             return chain
         chain.append(cause)
 
 
-def _cause(happenings: Sequence[Happening], seen: Happening) -> Happening | None:
-    """The happening before that has most in common with it, the later the better; None at a root."""
+def _cause(happenings: Sequence[Happening], chain: Sequence[Happening]) -> Happening | None:
+    """The happening before a chain that has most in common with its last one, the later the better; None at a root."""
+    seen = chain[-1]
     if seen.topic in ("sim/fault", "ci/request"):
         return None
-    if seen.topic == "autopilot" and (reason := _failsafe_of(happenings, seen)) is not None:
+    reason = _failsafe_of(happenings, seen) if seen.topic == "autopilot" else None
+    if reason is not None and reason not in chain:
         return reason
-    index = happenings.index(seen)
+    index = min(happenings.index(one) for one in chain)  # a failsafe may be named only after its mode
     wanted = _words(seen)
     best, best_score = None, LEAST
     for one in happenings[:index]:

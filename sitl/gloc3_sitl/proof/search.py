@@ -20,7 +20,7 @@ import msgspec
 from gloc3.clock import Clock
 from gloc3.errors import UNREADABLE, Gloc3Error, Refused
 from gloc3.messages.software import own_software
-from gloc3.platform.reader import whole_text
+from gloc3.platform.reader import load_platform, whole_text
 from gloc3_sitl.faults.fault_menu import PossibleFault, possible_faults
 from gloc3_sitl.flight.flight import Flight
 from gloc3_sitl.proof.case import FlightCase
@@ -226,7 +226,6 @@ class Search:
 def sources(base: FlightCase) -> str:
     """Digest of what a case only names: the texts of its mission, platform and world, and the version."""
     from gloc3.mission.formats import mission_text
-    from gloc3.platform.reader import load_platform
 
     mission = base.text or mission_text(base.mission, load_platform(base.platform))[1]
     world = Path(base.world)
@@ -236,8 +235,6 @@ def sources(base: FlightCase) -> str:
 
 
 def _vehicle(base: FlightCase) -> str:
-    from gloc3.platform.reader import load_platform
-
     return vehicle_of(load_platform(base.platform))
 
 

@@ -329,9 +329,9 @@ class SourceVoting:
         """Follows an undecided conflict: the pose may drift as fast as the two sources diverge, and stays off.
 
         Meanwhile the possible error is only reported: given to the filter, all of it would be attributed to a source of
-        positions, even if that is the wrong one. The filter gets it if both are still used at the end, or two others have voted out
-        the one that is not; else it is cleared when all are used again. One so long that the pose was not valid leaves its error with the reference,
-        whoever agrees with whom afterwards.
+        positions, even if that is the wrong one. The filter gets it if both are still used at the end, or one was outvoted;
+        else it is cleared when all are used again. One so long that the pose was not valid leaves its error with the
+        reference, whoever agrees with whom afterwards.
         """
         estimate = self._estimate
         (x, y, z) = estimate.disputed_m
@@ -358,7 +358,7 @@ class SourceVoting:
         self.conflict = conflict
 
     def _is_outvoted(self, source: str) -> bool:
-        """Whether it was voted out, by more than one other, and two at least hold the position."""
+        """Whether it was voted out, not by the inertial unit and one other alone, and two at least hold the position."""
         return self.trust[source].is_voted_out and source not in self._unconfirmed and len(self.witnesses) > 1
 
     def _vote_out(self, verdict: IsolationResult) -> None:
